@@ -1,0 +1,55 @@
+"""Compiled functions: numba with a cache that lasts, keyed by the sources it was made from."""
+
+import functools
+import hashlib
+import os
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import numba
+from numba.core import config
+
+_lock = threading.Lock()
+
+
+@functools.cache
+def _cache_folder() -> str:
+    """Return the cache folder for the sources as they are now.
+
+    Numba recompiles a function when its own file changes but not when a function that it calls
+    does. A digest of every compiled module in the folder's name makes a stale result impossible.
+    """
+    roots = [Path(__file__).resolve().parent]
+    roots += [roots[0].parent / 'snca_ros']
+    digest = hashlib.sha256(numba.__version__.encode())
+    for path in sorted(p for root in roots for p in root.rglob('*.py')):
+        text = path.read_bytes()
+        if b'compiled' in text:
+            digest.update(text)
+    home = os.environ.get('XDG_CACHE_HOME') or os.path.join(os.path.expanduser('~'), '.cache')
+    return os.path.join(home, 'snca_ros', digest.hexdigest()[:16])
+
+
+def _cached(decorate: Callable) -> Callable:
+    with _lock:
+        before = config.CACHE_DIR
+        config.CACHE_DIR = before or _cache_folder()
+        try:
+            return decorate()
+        finally:
+            config.CACHE_DIR = before
+
+
+def compiled(function: Callable) -> Callable:
+    """Compile `function` to machine code at its first call, or load it from the cache.
+
+    IEEE arithmetic as written (no fast-math, no fused multiply-add), so that the same function
+    gives the same bits wherever it is called from.
+    """
+    return _cached(lambda: numba.njit(function, cache=True, error_model='numpy'))
+
+
+def compiled_callback(signature: object) -> Callable:
+    """Compile a function that C code can call; its `address` is the function pointer."""
+    return lambda function: _cached(lambda: numba.cfunc(signature, cache=True)(function))

@@ -1,0 +1,33 @@
+"""The one exception that says a person's input cannot be used."""
+
+
+class InvalidInput(ValueError):
+    """Input from outside (a name, a file, a parameter) that cannot be used.
+
+    The text is one line that names the source, the field, the value and what was expected, so that
+    a command can print it as it is and stop.
+    """
+
+    def __init__(self, field: str, value: object, expected: str, source: str = '') -> None:
+        shown = repr(value)
+        if len(shown) > 80:
+            shown = shown[:77] + '...'
+        where = f'{source}: {field}' if source else field
+        super().__init__(f'{where}: got {shown}, expected {expected}')
+        self.field, self.value, self.expected, self.source = field, value, expected, source
+
+    def __reduce__(self) -> tuple:
+        return type(self), (self.field, self.value, self.expected, self.source)
+
+    def found_in(self, source: str) -> 'InvalidInput':
+        """Return the same complaint with `source` (a file, a node) named before it."""
+        inner = f'{source}: {self.source}' if self.source else source
+        return InvalidInput(self.field, self.value, self.expected, inner)
+
+
+def near_miss(name: str, known: 'list[str] | tuple[str, ...]') -> str:
+    """Return ", did you mean ...?" when `name` almost is one of `known`, else an empty text."""
+    import difflib
+
+    close = difflib.get_close_matches(name, known, n=1)
+    return f" (did you mean '{close[0]}'?)" if close else ''

@@ -1,0 +1,82 @@
+"""The physical constants of a voxel and of its world, each with its unit and its range."""
+
+import math
+from dataclasses import dataclass, field, fields
+
+from sim_node.errors import InvalidInput, near_miss
+
+
+def _constant(default: float, low: float, high: float, text: str, unit: str = '') -> float:
+    """Declare a constant once: default, range (inclusive), meaning and unit."""
+    meta = {'low': low, 'high': high, 'text': text, 'unit': unit}
+    return field(default=default, metadata=meta)
+
+
+@dataclass(frozen=True)
+class Material:
+    """Physical constants of a voxel, its contacts and its world (2D-VSR-Sim's defaults).
+
+    The range of every constant is declared with it and serves the check in the constructor, the
+    descriptors of the simulation node's parameters and the documentation.
+
+    Raises:
+        InvalidInput: a value is not finite or out of its range.
+    """
+
+    side: float = _constant(3.0, 0.1, 100.0, 'side of a voxel at rest', 'm')
+    mass_ratio: float = _constant(0.40, 0.1, 0.45, 'side of a corner mass per side of the voxel')
+    density: float = _constant(0.25, 1e-3, 1e3, 'density of a corner mass', 'kg/m^2')
+    frequency: float = _constant(8.0, 0.1, 30.0, 'frequency of a spring', 'Hz')
+    damping_ratio: float = _constant(0.3, 0.0, 2.0, 'damping ratio of a spring')
+    area_range: float = _constant(0.225, 0.0, 0.5, 'largest relative change of area by actuation')
+    friction: float = _constant(math.sqrt(10 * 0.2), 0.0, 10.0, 'friction mass against ground')
+    restitution: float = _constant(0.1, 0.0, 1.0, 'restitution mass against ground')
+    damping: float = _constant(0.1, 0.0, 10.0, 'linear and angular damping of a mass', '1/s')
+    gravity: float = _constant(9.8, 0.0, 100.0, 'gravity, downwards', 'm/s^2')
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            value, meta = getattr(self, f.name), f.metadata
+            is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+            if not is_number or not meta['low'] <= value <= meta['high']:
+                expected = f'a number from {meta["low"]:g} to {meta["high"]:g} [{meta["unit"]}]'
+                raise InvalidInput(f'material.{f.name}', value, expected.replace(' []', ''))
+
+    @classmethod
+    def from_dict(cls, values: dict) -> 'Material':
+        """Return the material with `values` in place of defaults; InvalidInput if one is off."""
+        known = [f.name for f in fields(cls)]
+        for key in values:
+            if key not in known:
+                expected = f'one of {", ".join(known)}' + near_miss(str(key), known)
+                raise InvalidInput('material', key, expected)
+        return cls(**values)
+
+    @property
+    def mass_side(self) -> float:
+        """Return the side [m] of a corner mass."""
+        return self.side * self.mass_ratio
+
+    @property
+    def mass(self) -> float:
+        """Return the mass [kg] of a corner mass."""
+        return self.density * self.mass_side**2
+
+    @property
+    def moment(self) -> float:
+        """Return the moment of inertia [kg m^2] of a corner mass, a square."""
+        return self.mass * self.mass_side**2 / 6.0
+
+    def rest_lengths(self, side: float) -> tuple[float, float, float]:
+        """Return rest lengths [m] of (parallel, side cross, central cross) springs.
+
+        Args:
+            side: the voxel's side [m] that the springs shall hold.
+        """
+        parallel = side - 2.0 * self.mass_side
+        cross = math.sqrt(self.mass_side**2 + parallel**2)
+        return parallel, cross, (side - self.mass_side) * math.sqrt(2.0)
+
+    def actuated_side(self, area_change: float) -> float:
+        """Return the side [m] of a voxel whose area is (1 + `area_change`) times that at rest."""
+        return math.sqrt(self.side**2 * (1.0 + area_change))

@@ -1,0 +1,170 @@
+"""The grid of voxels: which squares exist, what they are called, and who touches whom."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from sim_node.errors import InvalidInput, near_miss
+
+DIRECTIONS = ('above', 'left', 'below', 'right')
+"""The order of directions wherever one is indexed (paper: up, left, down, right)."""
+
+OPPOSITE = (2, 3, 0, 1)
+"""`OPPOSITE[d]` is the direction in which a neighbour in direction `d` sees this voxel."""
+
+OFFSETS = ((0, 1), (-1, 0), (0, -1), (1, 0))
+"""(dx, dy) of the neighbour in each direction; x grows to the right, y upwards."""
+
+_MAX_SIDE = 64
+
+_GENERATORS: dict[str, Callable[[int, int, int, int], bool]] = {
+    'box': lambda x, y, w, h: True,
+    'worm': lambda x, y, w, h: True,
+    'biped': lambda x, y, w, h: not (y < h // 2 and w // 4 <= x < w * 3 // 4),
+    'tripod': lambda x, y, w, h: not (y < h // 2 and x not in (0, w // 2, w - 1)),
+    'comb': lambda x, y, w, h: not (y < h // 2 and x % 2 == 1),
+    't': lambda x, y, w, h: y == h - 1 or (w - 1) // 2 <= x <= w // 2,
+    'ball': lambda x, y, w, h: (
+        round(np.hypot(x - (w - 1) / 2, y - (w - 1) / 2) + 1e-9) <= w // 2
+    ),
+}
+_DEFAULT_SIZE = {'biped': '4x3', 'comb': '7x2', 'worm': '5x1', 'tripod': '5x3'}
+SHAPES = tuple(_GENERATORS)
+
+
+@dataclass(frozen=True)
+class Morphology:
+    """An arrangement of voxels on a grid.
+
+    Attributes:
+        name: what the user called it ('biped', 'comb-7x2', or the grid string itself).
+        cells: (x, y) of every voxel, x from the left, y from the bottom, row by row from the
+            bottom. The position in this tuple is the voxel's index everywhere else.
+    """
+
+    name: str
+    cells: tuple[tuple[int, int], ...]
+
+    @property
+    def n_voxels(self) -> int:
+        """Return the number of voxels."""
+        return len(self.cells)
+
+    @property
+    def width(self) -> int:
+        """Return the number of columns."""
+        return max(x for x, _ in self.cells) + 1
+
+    @property
+    def height(self) -> int:
+        """Return the number of rows."""
+        return max(y for _, y in self.cells) + 1
+
+    @cached_property
+    def voxel_names(self) -> tuple[str, ...]:
+        """Return `voxel_<x>_<y>` of every voxel, in index order."""
+        return tuple(f'voxel_{x}_{y}' for x, y in self.cells)
+
+    @cached_property
+    def neighbors(self) -> np.ndarray:
+        """Return the (n_voxels, 4) int64 array of neighbours' indices, -1 where there is none.
+
+        Columns follow `DIRECTIONS`.
+        """
+        index = {cell: i for i, cell in enumerate(self.cells)}
+        table = [[index.get((x + dx, y + dy), -1) for dx, dy in OFFSETS] for x, y in self.cells]
+        return np.array(table, dtype=np.int64)
+
+    @cached_property
+    def grid_string(self) -> str:
+        """Return the rows from top to bottom as the paper prints them, '1111-1111-1001'."""
+        occupied = set(self.cells)
+        rows = range(self.height - 1, -1, -1)
+        return '-'.join(
+            ''.join('1' if (x, y) in occupied else '0' for x in range(self.width)) for y in rows
+        )
+
+    def index_of(self, voxel_name: str) -> int:
+        """Return the index of the voxel called `voxel_name`; InvalidInput if there is none."""
+        try:
+            return self.voxel_names.index(voxel_name)
+        except ValueError:
+            expected = f'a voxel of {self.name} ({self.grid_string}), voxel_<x>_<y>'
+            raise InvalidInput('voxel', voxel_name, expected) from None
+
+    def same_shape(self, other: 'Morphology') -> bool:
+        """Tell whether both have the same voxels, whatever their names."""
+        return self.cells == other.cells
+
+
+def parse_morphology(text: str) -> Morphology:
+    """Return the morphology that `text` names.
+
+    Args:
+        text: a shape ('biped', 'comb-9x3', 'ball-5') or a grid string, rows from top to bottom
+            ('1111-1111-1001').
+
+    Raises:
+        InvalidInput: unknown shape, bad size, or voxels that are not one connected piece.
+    """
+    if not isinstance(text, str):
+        raise InvalidInput('morphology', text, 'a text such as biped or 1111-1111-1001')
+    if re.fullmatch(r'[01]+(-[01]+)*', text):
+        return Morphology(text, _cells_of_grid(text))
+    kind, _, size = text.partition('-')
+    if kind not in _GENERATORS:
+        expected = (
+            f'one of {", ".join(SHAPES)} (with a size, e.g. comb-7x2)'
+            ' or a grid such as 1111-1111-1001' + near_miss(kind, SHAPES)
+        )
+        raise InvalidInput('morphology', text, expected)
+    w, h = _parse_size(text, kind, size or _DEFAULT_SIZE.get(kind, ''))
+    inside = _GENERATORS[kind]
+    rows = (''.join('1' if inside(x, y, w, h) else '0' for x in range(w)) for y in range(h))
+    return Morphology(text, _cells_of_grid('-'.join(reversed(list(rows))), text))
+
+
+def _parse_size(text: str, kind: str, size: str) -> tuple[int, int]:
+    pattern, example = (r'(\d{1,3})', 'ball-5') if kind == 'ball' else (r'(\d{1,3})x(\d{1,3})', '')
+    match = re.fullmatch(pattern, size, re.ASCII)
+    if match is None:
+        expected = f'{example or kind + "-<width>x<height>, e.g. " + kind + "-5x3"}'
+        raise InvalidInput('morphology', text, expected)
+    w, h = int(match[1]), int(match[match.lastindex or 1])
+    if not (1 <= w <= _MAX_SIDE and 1 <= h <= _MAX_SIDE):
+        raise InvalidInput('morphology', text, f'a width and height from 1 to {_MAX_SIDE}')
+    return w, h
+
+
+def _cells_of_grid(grid: str, text: str | None = None) -> tuple[tuple[int, int], ...]:
+    text = text or grid
+    rows = grid.split('-')
+    if len({len(row) for row in rows}) != 1:
+        raise InvalidInput('morphology', text, 'rows of equal length')
+    if len(rows) > _MAX_SIDE or len(rows[0]) > _MAX_SIDE:
+        raise InvalidInput('morphology', text, f'at most {_MAX_SIDE} rows and columns')
+    height = len(rows)
+    cells = [
+        (x, y) for y in range(height) for x, c in enumerate(rows[height - 1 - y]) if c == '1'
+    ]
+    if not cells:
+        raise InvalidInput('morphology', text, 'at least one voxel (1)')
+    if _reachable(cells) != set(cells):
+        raise InvalidInput('morphology', text, 'voxels that form one connected piece')
+    x0, y0 = min(x for x, _ in cells), min(y for _, y in cells)
+    return tuple((x - x0, y - y0) for x, y in cells)
+
+
+def _reachable(cells: list[tuple[int, int]]) -> set[tuple[int, int]]:
+    todo, seen, occupied = [cells[0]], {cells[0]}, set(cells)
+    while todo:
+        x, y = todo.pop()
+        for dx, dy in OFFSETS:
+            cell = (x + dx, y + dy)
+            if cell in occupied and cell not in seen:
+                seen.add(cell)
+                todo.append(cell)
+    return seen

@@ -1,0 +1,118 @@
+"""A voxel's sensors: area, touch and velocity, read from its masses, as numbers in [0, 1].
+
+Each kernel works on one voxel's slice of the world's arrays.
+"""
+
+import math
+
+import numpy as np
+
+from sim_node.compiled import compiled
+
+SENSORS = ('area', 'touch', 'velocity_x', 'velocity_y')
+"""Names of the readings, in their order."""
+
+N_SENSORS = len(SENSORS)
+
+TOUCH_WINDOW, VELOCITY_WINDOW = 15, 30
+"""Control steps over which touch (0.25 s) and velocity (0.5 s) are averaged at 60 Hz."""
+
+_AREA_LOW, _AREA_HIGH = 0.5, 1.5
+_SPEED = 8.0
+
+
+@compiled
+def soft_normalise(value, low, high):
+    """Map [low, high] softly to [0, 1] (2D-VSR-Sim): tanh((2 u - 1) 2) / 2 + 1/2, u linear."""
+    u = (value - low) / (high - low)
+    return math.tanh((2.0 * u - 1.0) * 2.0) / 2.0 + 0.5
+
+
+@compiled
+def polygon_area(corners):
+    """Return the area [m^2] of a voxel from its (4, 2) corners [m] NW, NE, SE, SW."""
+    twice = 0.0
+    for i in range(4):
+        j = (i + 1) % 4
+        twice += corners[j, 0] * corners[i, 1] - corners[i, 0] * corners[j, 1]
+    return twice / 2.0
+
+
+@compiled
+def outer_corners(masses, half_side, corners):
+    """Write the (4, 2) outer corners [m] of one voxel.
+
+    Args:
+        masses: (4, 5) x, y, angle, v_x, v_y of the voxel's masses NW, NE, SE, SW.
+        half_side: half the side of a mass [m].
+    """
+    for i in range(4):
+        sx = -half_side if i == 0 or i == 3 else half_side
+        sy = half_side if i < 2 else -half_side
+        c, s = math.cos(masses[i, 2]), math.sin(masses[i, 2])
+        corners[i, 0] = masses[i, 0] + c * sx - s * sy
+        corners[i, 1] = masses[i, 1] + s * sx + c * sy
+
+
+@compiled
+def own_velocity(masses):
+    """Return the mean velocity (along, across) [m/s] of one voxel's masses in its own axes.
+
+    The voxel's x axis points along the mean direction of its top and its bottom side.
+    """
+    top_x, top_y = masses[1, 0] - masses[0, 0], masses[1, 1] - masses[0, 1]
+    low_x, low_y = masses[2, 0] - masses[3, 0], masses[2, 1] - masses[3, 1]
+    top, low = math.sqrt(top_x**2 + top_y**2), math.sqrt(low_x**2 + low_y**2)
+    x, y = top_x / top + low_x / low, top_y / top + low_y / low
+    length = math.sqrt(x**2 + y**2)
+    c, s = x / length, y / length
+    vx = (masses[0, 3] + masses[1, 3] + masses[2, 3] + masses[3, 3]) / 4.0
+    vy = (masses[0, 4] + masses[1, 4] + masses[2, 4] + masses[3, 4]) / 4.0
+    return c * vx + s * vy, c * vy - s * vx
+
+
+@compiled
+def window_mean(window, step):
+    """Return the mean of the samples in a ring buffer that has seen `step` + 1 samples."""
+    n = min(step + 1, window.shape[0])
+    total = 0.0
+    for i in range(n):
+        total += window[i]
+    return total / n
+
+
+@compiled
+def read_sensors(voxel, step, touching, area_ratio, touches, velocities, readings):
+    """Write one voxel's four readings in [0, 1] (paper, section 2.1; 2D-VSR-Sim's averages).
+
+    Args:
+        voxel: (4, 5) rows of the voxel's masses.
+        step: control step, 0 at the reset.
+        touching: 1.0 if one of the masses touches the ground, else 0.0.
+        area_ratio: area over area at rest.
+        touches: (TOUCH_WINDOW,) ring buffer, written.
+        velocities: (2, VELOCITY_WINDOW) ring buffers, written.
+        readings: (4,) in the order of `SENSORS`, written.
+    """
+    touches[step % TOUCH_WINDOW] = touching
+    along, across = own_velocity(voxel)
+    velocities[0, step % VELOCITY_WINDOW] = along
+    velocities[1, step % VELOCITY_WINDOW] = across
+    readings[0] = soft_normalise(area_ratio, _AREA_LOW, _AREA_HIGH)
+    readings[1] = window_mean(touches, step)
+    for axis in range(2):
+        mean = window_mean(velocities[axis], step)
+        readings[2 + axis] = soft_normalise(mean, -_SPEED, _SPEED)
+
+
+@compiled
+def add_noise(readings, noise):
+    """Add `noise`, (n_voxels, 4) or (0, 4), to the readings and clip them to [0, 1]."""
+    for i in range(noise.shape[0]):
+        for j in range(noise.shape[1]):
+            readings[i, j] = min(max(readings[i, j] + noise[i, j], 0.0), 1.0)
+
+
+def sample_windows(n_voxels: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return empty ring buffers for touch (n, TOUCH_WINDOW) and velocity (n, 2, ...)."""
+    return np.zeros((n_voxels, TOUCH_WINDOW)), np.zeros((n_voxels, 2, VELOCITY_WINDOW))

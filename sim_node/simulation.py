@@ -1,0 +1,276 @@
+"""One robot on one terrain: `reset()` and `step(actuation)` give the voxels' sensor readings.
+
+This is the seam behind which an engine stands. `World` is what compiled code needs of the pymunk
+engine; `advance` is one control step on it, called by `Simulation.step` and by whole episodes.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from sim_node import munk
+from sim_node.body import build_body
+from sim_node.compiled import compiled
+from sim_node.errors import InvalidInput
+from sim_node.material import Material
+from sim_node.morphology import Morphology, parse_morphology
+from sim_node.sensors import (
+    N_SENSORS,
+    add_noise,
+    outer_corners,
+    polygon_area,
+    read_sensors,
+    sample_windows,
+)
+from sim_node.terrain import Terrain, parse_terrain
+
+CONTROL_RATE = 60
+"""Control steps per second (paper: f_k = 60 Hz)."""
+
+ENGINES = ('pymunk',)
+
+
+@dataclass(frozen=True)
+class Solver:
+    """How finely the engine solves a control step; defaults measured, see docs/physics.md.
+
+    Attributes:
+        substeps: physics steps per control step.
+        iterations: sweeps of the impulse solver per physics step.
+        self_collision: whether masses of one robot collide with each other.
+    """
+
+    substeps: int = 1
+    iterations: int = 10
+    self_collision: bool = False
+
+    def __post_init__(self) -> None:
+        for name, high in (('substeps', 100), ('iterations', 1000)):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= high:
+                raise InvalidInput(f'solver.{name}', value, f'an integer from 1 to {high}')
+        if not isinstance(self.self_collision, bool):
+            raise InvalidInput('solver.self_collision', self.self_collision, 'true or false')
+
+
+class Diverged(ArithmeticError):
+    """The physics left the finite numbers; the episode cannot go on."""
+
+
+class World(NamedTuple):
+    """Everything that one control step reads and writes; arrays are shared, never copied."""
+
+    space: int  # handles are pointers of Munk2D as integers
+    bodies: np.ndarray  # (n_masses,) handles
+    springs: np.ndarray  # (n_springs,) handles
+    rest: np.ndarray  # (3, n_springs) rest lengths [m] contracted, at rest, expanded
+    actuation: np.ndarray  # (n_voxels,) as set in the springs now
+    dt: float  # physics step [s]
+    substeps: int
+    read_body: int  # addresses of the iterators that `sense` hands to Munk2D
+    note_contact: int
+    batch: int  # handle of the body reader
+    filled: np.ndarray  # (1,) its fill count
+    masses: np.ndarray  # (n_masses, 5) x, y, angle, v_x, v_y
+    contact: np.ndarray  # (4,) ground's handle, touching flag, scratch
+    half_side: float  # of a mass [m]
+    rest_area: float  # [m^2]
+    corners: np.ndarray  # (n_voxels, 4, 2) outer corners [m]
+    area_ratios: np.ndarray  # (n_voxels,)
+    touching: np.ndarray  # (n_voxels,) 0.0 or 1.0
+    touches: np.ndarray  # ring buffers of the sensors
+    velocities: np.ndarray
+    readings: np.ndarray  # (n_voxels, 4) in [0, 1]
+
+
+@compiled
+def set_rest_lengths(world, actuation):
+    """Contract (a > 0) or expand (a < 0) every spring of each voxel, a clipped to [-1, 1]."""
+    per_voxel = world.springs.shape[0] // actuation.shape[0]
+    for i in range(actuation.shape[0]):
+        a = min(max(actuation[i], -1.0), 1.0)
+        if a == world.actuation[i]:
+            continue
+        world.actuation[i] = a
+        extreme = 0 if a > 0.0 else 2
+        for j in range(i * per_voxel, (i + 1) * per_voxel):
+            rest = world.rest[1, j]
+            length = rest + (world.rest[extreme, j] - rest) * abs(a)
+            munk.spring_set_rest_length(world.springs[j], length)
+
+
+@compiled
+def sense(world, step):
+    """Read the bodies and write sensor readings; return False if the physics diverged."""
+    world.filled[0] = 0
+    munk.space_each_body(world.space, world.read_body, world.batch)
+    for i in range(world.readings.shape[0]):
+        voxel = world.masses[4 * i : 4 * i + 4]
+        outer_corners(voxel, world.half_side, world.corners[i])
+        world.area_ratios[i] = polygon_area(world.corners[i]) / world.rest_area
+        world.contact[1] = 0
+        for j in range(4 * i, 4 * i + 4):
+            munk.body_each_arbiter(
+                world.bodies[j], world.note_contact, world.contact.ctypes.data
+            )
+        world.touching[i] = float(world.contact[1])
+        read_sensors(
+            voxel,
+            step,
+            world.touching[i],
+            world.area_ratios[i],
+            world.touches[i],
+            world.velocities[i],
+            world.readings[i],
+        )
+    return bool(np.isfinite(world.readings.sum()))
+
+
+@compiled
+def advance(world, actuation, step, noise):
+    """Apply `actuation`, step the physics to control step `step` and read the sensors.
+
+    Args:
+        noise: (n_voxels, 4) to add to the readings, or (0, 4) for none.
+
+    Returns:
+        False if the physics diverged, else True.
+    """
+    set_rest_lengths(world, actuation)
+    for _ in range(world.substeps):
+        munk.space_step(world.space, world.dt)
+    finite = sense(world, step)
+    if noise.shape[0] > 0:
+        add_noise(world.readings, noise)
+    return finite
+
+
+@compiled
+def center(world):
+    """Return the robot's centre of mass (x, y) [m]; all masses weigh the same."""
+    x = y = 0.0
+    for i in range(world.masses.shape[0]):
+        x += world.masses[i, 0]
+        y += world.masses[i, 1]
+    return x / world.masses.shape[0], y / world.masses.shape[0]
+
+
+class Simulation:
+    """One robot on one terrain.
+
+    Args:
+        morphology: shape name, grid string or `Morphology`.
+        terrain: terrain name or `Terrain`.
+        material: physical constants.
+        solver: sub-steps, iterations and self-collision.
+        sensor_noise: standard deviation of N(0, sigma) added to readings.
+        seed: of the sensor noise; every `reset` starts it anew.
+
+    Raises:
+        InvalidInput: a name or number is off.
+    """
+
+    def __init__(
+        self,
+        morphology: str | Morphology,
+        terrain: str | Terrain = 'flat',
+        *,
+        material: Material | None = None,
+        solver: Solver | None = None,
+        sensor_noise: float = 0.0,
+        seed: int = 0,
+    ) -> None:
+        if not isinstance(morphology, Morphology):
+            morphology = parse_morphology(morphology)
+        if not isinstance(terrain, Terrain):
+            terrain = parse_terrain(terrain)
+        if not (isinstance(sensor_noise, (int, float)) and 0.0 <= sensor_noise <= 10.0):
+            raise InvalidInput('sensor_noise', sensor_noise, 'a number from 0 to 10')
+        self.morphology, self.terrain = morphology, terrain
+        self.material = material or Material()
+        self.solver = solver or Solver()
+        self.sensor_noise, self.seed = float(sensor_noise), seed
+        self.step_count = 0
+        self.reset()
+
+    def reset(self) -> np.ndarray:
+        """Put a fresh robot down at rest and return its first readings, (n_voxels, 4).
+
+        The space is built anew: the same robot on the same terrain always repeats bit for bit.
+        """
+        n, m = self.morphology.n_voxels, self.material
+        body = build_body(
+            self.morphology, self.terrain, m, self.solver.iterations, self.solver.self_collision
+        )
+        reader = munk.BodyReader(len(body.masses))
+        touches, velocities = sample_windows(n)
+        self._owners = body, reader  # keep alive what the handles point to
+        self.world = World(
+            space=munk.handle(body.space._space),
+            bodies=np.array([munk.handle(b._body) for b in body.masses], dtype=np.uintp),
+            springs=np.array([munk.handle(s._constraint) for s in body.springs], dtype=np.uintp),
+            rest=body.rest,
+            actuation=np.zeros(n),
+            dt=1.0 / CONTROL_RATE / self.solver.substeps,
+            substeps=self.solver.substeps,
+            read_body=munk.READ_BODY,
+            note_contact=munk.NOTE_CONTACT,
+            batch=reader.batch,
+            filled=reader.filled,
+            masses=reader.rows,
+            contact=np.array([munk.handle(body.ground._body), 0, 0, 0], dtype=np.uintp),
+            half_side=m.mass_side / 2.0,
+            rest_area=m.side**2,
+            corners=np.zeros((n, 4, 2)),
+            area_ratios=np.zeros(n),
+            touching=np.zeros(n),
+            touches=touches,
+            velocities=velocities,
+            readings=np.zeros((n, N_SENSORS)),
+        )
+        self.step_count = 0
+        self._rng = np.random.default_rng(self.seed)
+        sense(self.world, 0)
+        add_noise(self.world.readings, self.draw_noise(1)[0])
+        return self.world.readings.copy()
+
+    def step(self, actuation: np.ndarray) -> np.ndarray:
+        """Apply `actuation`, (n_voxels,) in [-1, 1], for 1/60 s; return the new readings.
+
+        Raises:
+            InvalidInput: `actuation` has another shape or is not finite.
+            Diverged: the physics is no longer finite.
+        """
+        actuation = np.ascontiguousarray(actuation, dtype=np.float64)
+        if actuation.shape != self.world.actuation.shape or not np.isfinite(actuation).all():
+            expected = f'{self.morphology.n_voxels} finite values'
+            raise InvalidInput('actuation', actuation.tolist(), expected)
+        if not advance(self.world, actuation, self.step_count + 1, self.draw_noise(1)[0]):
+            raise Diverged(f'{self.morphology.name}: not finite at step {self.step_count + 1}')
+        self.step_count += 1
+        return self.world.readings.copy()
+
+    def draw_noise(self, n_steps: int) -> np.ndarray:
+        """Return the noise of the next control steps, (n_steps, n_voxels, 4).
+
+        Without sensor noise it is empty, (n_steps, 0, 4). Drawn step by step or many steps at
+        once, the numbers are the same.
+        """
+        n = self.morphology.n_voxels if self.sensor_noise > 0.0 else 0
+        return self.sensor_noise * self._rng.standard_normal((n_steps, n, N_SENSORS))
+
+    @property
+    def time(self) -> float:
+        """Return the simulated time [s]."""
+        return self.step_count / CONTROL_RATE
+
+    @property
+    def center(self) -> np.ndarray:
+        """Return the robot's centre of mass (x, y) [m]."""
+        return np.array(center(self.world))
+
+    @property
+    def velocity(self) -> np.ndarray:
+        """Return the velocity (v_x, v_y) [m/s] of the centre of mass."""
+        return self.world.masses[:, 3:5].mean(axis=0)

@@ -1,0 +1,129 @@
+"""Ground profiles by name: flat, hilly-h-w-seed, steppy-h-w-seed, uphill-angle, downhill-angle."""
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_node.errors import InvalidInput, near_miss
+
+LENGTH = 2000.0
+"""Extent of the ground in x [m]."""
+
+WALL_WIDTH, WALL_HEIGHT = 10.0, 100.0
+"""The ground rises to this height [m] over this width [m] at both ends."""
+
+FLAT_LEVEL = 5.0
+"""Height [m] of flat ground, and of the lower end of a slope."""
+
+_STEP_RISE_WIDTH = 0.5
+_NUMBER = r'(\d+(?:\.\d+)?)'
+_MAX_HEIGHT, _MAX_RUN, _MAX_ANGLE = 100.0, 1000.0, 60.0
+
+
+@dataclass(frozen=True, eq=False)
+class Terrain:
+    """A piecewise-linear ground.
+
+    Attributes:
+        name: the name that made it.
+        x, y: (n_points,) coordinates [m] of the profile's corners, x increasing.
+    """
+
+    name: str
+    x: np.ndarray
+    y: np.ndarray
+
+    @property
+    def start(self) -> float:
+        """Return the x [m] where the left wall ends and robots are put down."""
+        return float(self.x[1])
+
+    def height_at(self, x: float) -> float:
+        """Return the ground's height [m] at `x` [m]."""
+        return float(np.interp(x, self.x, self.y))
+
+
+def parse_terrain(name: str) -> Terrain:
+    """Return the terrain called `name`.
+
+    Args:
+        name: 'flat', 'hilly-<h>-<w>-<seed>', 'steppy-<h>-<w>-<seed>' (h: spread of heights [m],
+            w: mean run [m]), 'uphill-<angle>' or 'downhill-<angle>' ([degrees]).
+
+    Raises:
+        InvalidInput: the name is none of these, or a number is out of range.
+    """
+    if not isinstance(name, str):
+        raise InvalidInput('terrain', name, 'a text such as flat or hilly-1-10-0')
+    kind = name.partition('-')[0]
+    if kind not in _KINDS:
+        expected = f'one of {", ".join(f for f, *_ in _KINDS.values())}'
+        raise InvalidInput('terrain', name, expected + near_miss(kind, tuple(_KINDS)))
+    form, pattern, make = _KINDS[kind]
+    match = re.fullmatch(pattern, name, re.ASCII)
+    if match is None or len(name) > 60:
+        raise InvalidInput('terrain', name, form)
+    x, y = make(name, *match.groups())
+    return Terrain(name, np.array(x), np.array(y))
+
+
+def _between_walls(x: list[float], y: list[float]) -> tuple[list[float], list[float]]:
+    return (
+        [x[0] - WALL_WIDTH, *x, x[-1] + WALL_WIDTH],
+        [y[0] + WALL_HEIGHT - FLAT_LEVEL, *y, y[-1] + WALL_HEIGHT - FLAT_LEVEL],
+    )
+
+
+def _flat(name: str) -> tuple[list[float], list[float]]:
+    return _between_walls([WALL_WIDTH, LENGTH - WALL_WIDTH], [FLAT_LEVEL, FLAT_LEVEL])
+
+
+def _slope(name: str, angle: str) -> tuple[list[float], list[float]]:
+    degrees = float(angle)
+    if degrees > _MAX_ANGLE:
+        raise InvalidInput('terrain', name, f'an angle of at most {_MAX_ANGLE:g} degrees')
+    rise = (LENGTH - 2 * WALL_WIDTH) * math.tan(math.radians(degrees))
+    left, right = (0.0, rise) if name.startswith('uphill') else (rise, 0.0)
+    return _between_walls(
+        [WALL_WIDTH, LENGTH - WALL_WIDTH], [FLAT_LEVEL + left, FLAT_LEVEL + right]
+    )
+
+
+def _irregular(name: str, h: str, w: str, seed: str) -> tuple[list[float], list[float]]:
+    """Hills and steps: runs of max(1, N(1, 0.25) w) in x, height changes N(0, 1) h."""
+    spread, run = float(h), float(w)
+    if spread > _MAX_HEIGHT or not 1.0 <= run <= _MAX_RUN:
+        expected = f'h of at most {_MAX_HEIGHT:g} and w from 1 to {_MAX_RUN:g}'
+        raise InvalidInput('terrain', name, expected)
+    rng = np.random.default_rng(int(seed))
+    x, y = [WALL_WIDTH], [FLAT_LEVEL]
+    while x[-1] < LENGTH - WALL_WIDTH:
+        x.append(x[-1] + max(1.0, (1.0 + 0.25 * rng.standard_normal()) * run))
+        rise = spread * rng.standard_normal()
+        if name.startswith('steppy'):
+            y.append(y[-1])
+            x.append(x[-1] + _STEP_RISE_WIDTH)
+        y.append(y[-1] + rise)
+    return _between_walls(x, y)
+
+
+_KINDS: dict[str, tuple[str, str, Callable]] = {
+    'flat': ('flat', 'flat', _flat),
+    'hilly': ('hilly-<h>-<w>-<seed>', rf'hilly-{_NUMBER}-{_NUMBER}-(\d+)', _irregular),
+    'steppy': ('steppy-<h>-<w>-<seed>', rf'steppy-{_NUMBER}-{_NUMBER}-(\d+)', _irregular),
+    'uphill': ('uphill-<degrees>', rf'uphill-{_NUMBER}', _slope),
+    'downhill': ('downhill-<degrees>', rf'downhill-{_NUMBER}', _slope),
+}
+
+UNSEEN_TERRAINS = (
+    *(f'hilly-{s}-0' for s in ('0.5-10', '0.5-20', '1-10', '1-20', '2-20', '2-30')),
+    *(f'steppy-{s}-0' for s in ('0.25-10', '0.25-20', '0.5-10', '0.5-20', '1-20', '1-30')),
+    'downhill-10',
+    'downhill-20',
+    'uphill-10',
+    'uphill-20',
+)
+"""The 16 terrains of the re-assessment (paper, section 4.1; the values are this project's)."""
