@@ -1,0 +1,63 @@
+"""Rate coding: sensor readings become spike trains, output spikes become actuation."""
+
+from sim_node.compiled import compiled
+from sim_node.simulation import CONTROL_RATE
+
+SNN_STEPS = 16
+"""SNN steps per control step (paper: f_h = 16 f_k)."""
+
+SNN_RATE = CONTROL_RATE * SNN_STEPS
+"""SNN steps per second (paper: f_h, about 1 kHz)."""
+
+F_MIN, F_MAX = 5.0, 50.0
+"""Firing rates [Hz] that code the readings 0 and 1 (paper, section 3.2)."""
+
+ACTUATION_WINDOW = 5
+"""Control steps over which output spikes are counted (paper: n_w)."""
+
+NEVER = -1
+"""Value of `last_spike` before the first spike."""
+
+
+@compiled
+def encode(reading, last_spike, first_step, trains, neuron):
+    """Write the spike train of one reading and return the step of its newest spike.
+
+    A spike falls on every step h for which h - h_last is a positive multiple of
+    floor(f_h / f), f = r (f_max - f_min) + f_min (paper, Eq. 4); the first one at once.
+
+    Args:
+        reading: r in [0, 1].
+        last_spike: SNN step h_last of the newest spike, or NEVER.
+        first_step: SNN step of trains[0].
+        trains: (16, n) spikes of a layer; column `neuron` is written with 0.0 and 1.0.
+    """
+    period = int(SNN_RATE // (reading * (F_MAX - F_MIN) + F_MIN))
+    for i in range(trains.shape[0]):
+        h = first_step + i
+        if last_spike == NEVER or (h > last_spike and (h - last_spike) % period == 0):
+            trains[i, neuron] = 1.0
+            last_spike = h
+        else:
+            trains[i, neuron] = 0.0
+    return last_spike
+
+
+@compiled
+def decode(counts, age):
+    """Return the actuation in [-1, 1] from the spikes of the last control steps.
+
+    a = 2 n / (f_max T) - 1, clipped; n spikes in the window of duration T (paper, Eq. 5, with
+    the unit mended as in the authors' code).
+
+    Args:
+        counts: (ACTUATION_WINDOW,) ring buffer of spikes per control step.
+        age: control steps that the cell has made, this one included.
+    """
+    n_steps = min(age, counts.shape[0])
+    n_spikes = 0
+    for i in range(n_steps):
+        n_spikes += counts[i]
+    duration = n_steps / CONTROL_RATE
+    a = 2.0 * (n_spikes / (F_MAX * duration)) - 1.0
+    return min(max(a, -1.0), 1.0)

@@ -1,0 +1,1 @@
+"""Offline evolution: strategy, episodes, checkpoints and the script that trains controllers."""
