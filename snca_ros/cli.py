@@ -1,0 +1,73 @@
+"""The `snca` command and its sub-commands; each loads only what it needs."""
+
+import argparse
+import importlib
+import sys
+
+from sim_node.errors import InvalidInput, near_miss
+from snca_ros import __version__
+
+COMMANDS = {
+    'walk': ('snca_ros.nodes.walk', 'let a trained robot walk: all its nodes, a bag, a report'),
+    'evolve': ('snca_ros.evolution.evolve', 'train parameters offline'),
+    'report': ('snca_ros.study.report', 'read a bag back: v_x, firing rates, lost messages'),
+    'render': ('snca_ros.study.render', 'draw a walking controller as GIF or PNG, offline'),
+}
+"""Commands with an argparse command line: module and what it does."""
+
+NODES = {
+    'sim_node': ('sim_node.node', 'the body and its world as a ROS node'),
+    'voxel_node': ('snca_ros.nodes.voxel', 'one voxel (or several) as a ROS node'),
+    'recorder_node': ('snca_ros.nodes.recorder', 'records the graph into a bag'),
+}
+"""ROS nodes, which take --ros-args: module and what it does."""
+
+BAD_INPUT = 2
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command named first; return the exit code."""
+    argv = sys.argv[1:] if argv is None else argv
+    name = argv[0] if argv else '--help'
+    if name in ('-h', '--help'):
+        print(_overview())
+        return 0
+    if name == '--version':
+        print(f'snca_ros {__version__}')
+        return 0
+    try:
+        if name in NODES:
+            return importlib.import_module(NODES[name][0]).main(argv[1:])
+        if name not in COMMANDS:
+            known = [*COMMANDS, *NODES]
+            expected = f'one of {", ".join(known)}' + near_miss(name, known)
+            raise InvalidInput('command', name, expected)
+        return _run_command(name, argv[1:])
+    except InvalidInput as error:
+        print(f'snca {name}: error: {error}', file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 1
+
+
+def _run_command(name: str, argv: list[str]) -> int:
+    module_name, text = COMMANDS[name]
+    module = importlib.import_module(module_name)
+    parser = argparse.ArgumentParser(prog=f'snca {name}', description=f'{text.capitalize()}.')
+    module.add_arguments(parser)
+    # `ros2 run` and `ros2 launch` may append --ros-args; a command that is no node ignores them.
+    if '--ros-args' in argv:
+        argv = argv[: argv.index('--ros-args')]
+    return module.run(parser.parse_args(argv), parser)
+
+
+def _overview() -> str:
+    lines = ['usage: snca COMMAND [options]', '', 'commands:']
+    lines += [f'  {name:14}{text}' for name, (_, text) in COMMANDS.items()]
+    lines += ['', 'ROS nodes (take --ros-args):']
+    lines += [f'  {name:14}{text}' for name, (_, text) in NODES.items()]
+    lines += ['', 'snca COMMAND --help tells the options of a command.']
+    return '\n'.join(lines)

@@ -1,0 +1,163 @@
+"""Controller files: trained parameters and all that is needed to run them again, in one .npz."""
+
+import json
+import zipfile
+from dataclasses import asdict, dataclass, field
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+
+from sim_node.errors import InvalidInput
+from sim_node.material import Material
+from sim_node.morphology import Morphology, parse_morphology
+from sim_node.simulation import Solver
+from sim_node.terrain import parse_terrain
+from snca_ros.cell.nca import Architecture
+from snca_ros.controller import Controller
+from snca_ros.files import write_atomically
+
+FORMAT_VERSION = 1
+_MAX_BYTES = 64 * 2**20
+
+
+@dataclass(frozen=True)
+class TrainedController:
+    """What a controller file holds.
+
+    Attributes:
+        architecture: what kind of cells.
+        morphology: the robot that they were evolved for.
+        theta: (n_parameters,) weights.
+        terrain: name of the ground that they were evolved on.
+        material, solver: of the simulation that they were evolved in.
+        fitness: v_x [m/s] of the episode that evolution scored.
+        seed, evaluations: of the run that found them.
+        versions: packages that were used, name to version.
+    """
+
+    architecture: Architecture
+    morphology: Morphology
+    theta: np.ndarray
+    terrain: str = 'flat'
+    material: Material = field(default_factory=Material)
+    solver: Solver = field(default_factory=Solver)
+    fitness: float = float('nan')
+    seed: int = 0
+    evaluations: int = 0
+    versions: dict[str, str] = field(default_factory=dict)
+
+    def controller(self) -> Controller:
+        """Return all cells, ready to step."""
+        return Controller(self.architecture, self.morphology, self.theta)
+
+
+def package_versions() -> dict[str, str]:
+    """Return the versions of the packages that decide an episode's result."""
+    versions = {}
+    for name in ('snca_ros', 'numpy', 'numba', 'pymunk'):
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            versions[name] = 'not installed'
+    return versions
+
+
+def save_controller(path: Path | str, trained: TrainedController) -> None:
+    """Write `trained` to `path`, atomically."""
+    header = {
+        'format_version': FORMAT_VERSION,
+        'architecture': trained.architecture.to_dict(),
+        'morphology': {'name': trained.morphology.name, 'grid': trained.morphology.grid_string},
+        'terrain': trained.terrain,
+        'material': asdict(trained.material),
+        'solver': asdict(trained.solver),
+        'fitness': float(trained.fitness),
+        'seed': int(trained.seed),
+        'evaluations': int(trained.evaluations),
+        'versions': trained.versions or package_versions(),
+    }
+    arrays = {'header': np.array(json.dumps(header)), 'theta': trained.theta}
+    write_atomically(Path(path), lambda file: np.savez_compressed(file, **arrays))
+
+
+def load_controller(path: Path | str) -> TrainedController:
+    """Read and check the controller file at `path`.
+
+    Raises:
+        InvalidInput: the file is missing, broken, pickled, of another version, or a field of it
+            is not what it should be; the text names file, field, value and expectation.
+    """
+    path = Path(path)
+    try:
+        header, theta = _read(path)
+        return _checked(header, theta)
+    except InvalidInput as error:
+        raise error.found_in(str(path)) from None
+
+
+def _read(path: Path) -> tuple[dict, np.ndarray]:
+    expected = 'a controller file (.npz) written by evolve'
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise InvalidInput('file', f'{path.stat().st_size} bytes', f'at most {_MAX_BYTES}')
+        with np.load(path, allow_pickle=False) as data:
+            if not isinstance(data, np.lib.npyio.NpzFile):
+                raise InvalidInput('file', 'a single array', expected)
+            missing = {'header', 'theta'} - set(data.files)
+            if missing:
+                raise InvalidInput(sorted(missing)[0], None, 'an entry of that name')
+            header = json.loads(str(data['header'][()]))
+            theta = data['theta']
+    except InvalidInput:
+        raise
+    except OSError as error:
+        raise InvalidInput('file', error.strerror or str(error), expected) from None
+    except (ValueError, KeyError, EOFError, zipfile.BadZipFile, zipfile.LargeZipFile) as error:
+        raise InvalidInput('file', str(error), expected) from None
+    except Exception as error:  # zlib.error and whatever else a damaged archive provokes
+        raise InvalidInput('file', f'{type(error).__name__}: {error}', expected) from None
+    if not isinstance(header, dict):
+        raise InvalidInput('header', header, 'a JSON object')
+    return header, theta
+
+
+def _field(header: dict, name: str, kinds: type | tuple[type, ...]) -> object:
+    value = header.get(name)
+    if not isinstance(value, kinds) or isinstance(value, bool):
+        names = kinds.__name__ if isinstance(kinds, type) else ' or '.join(
+            k.__name__ for k in kinds
+        )
+        raise InvalidInput(name, value, f'a value of type {names}')
+    return value
+
+
+def _checked(header: dict, theta: np.ndarray) -> TrainedController:
+    version = _field(header, 'format_version', int)
+    if version != FORMAT_VERSION:
+        raise InvalidInput('format_version', version, str(FORMAT_VERSION))
+    architecture = Architecture.from_dict(_field(header, 'architecture', dict))
+    shape = _field(header, 'morphology', dict)
+    morphology = Morphology(
+        str(shape.get('name')), parse_morphology(shape.get('grid')).cells
+    )
+    terrain = parse_terrain(_field(header, 'terrain', str)).name
+    expected = architecture.n_parameters(morphology.n_voxels)
+    if theta.dtype != np.float64 or theta.shape != (expected,):
+        shown = f'{theta.dtype} of shape {theta.shape}'
+        raise InvalidInput('theta', shown, f'float64 of shape ({expected},)')
+    if not np.isfinite(theta).all():
+        bad = int(np.flatnonzero(~np.isfinite(theta))[0])
+        raise InvalidInput(f'theta[{bad}]', float(theta[bad]), 'a finite number')
+    return TrainedController(
+        architecture=architecture,
+        morphology=morphology,
+        theta=theta,
+        terrain=terrain,
+        material=Material.from_dict(_field(header, 'material', dict)),
+        solver=Solver.from_dict(_field(header, 'solver', dict)),
+        fitness=float(_field(header, 'fitness', (int, float))),
+        seed=_field(header, 'seed', int),
+        evaluations=_field(header, 'evaluations', int),
+        versions={str(k): str(v) for k, v in _field(header, 'versions', dict).items()},
+    )

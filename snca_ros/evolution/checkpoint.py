@@ -1,0 +1,126 @@
+"""The run folder: config.yaml, checkpoint.npz, history.csv, best.npz.
+
+checkpoint.npz is the one truth, replaced atomically once a generation; history.csv and best.npz
+are written from it, so that a run killed at any moment goes on as if it had never stopped.
+"""
+
+import csv
+import fcntl
+import io
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from sim_node.errors import InvalidInput
+from sim_node.morphology import parse_morphology
+from snca_ros.controller_file import TrainedController, save_controller
+from snca_ros.evolution.config import RunConfig
+from snca_ros.files import write_atomically, write_text
+
+HISTORY = ('generation', 'evaluations', 'best', 'median', 'worst', 'best_so_far')
+"""Columns of history.csv; fitness values are v_x [m/s] of the generation's evaluations."""
+
+
+@dataclass
+class Progress:
+    """Where a run stands.
+
+    Attributes:
+        strategy: the strategy's state.
+        history: a row of `HISTORY` per generation.
+    """
+
+    strategy: dict[str, np.ndarray] = field(default_factory=dict)
+    history: list[tuple[float, ...]] = field(default_factory=list)
+
+    @property
+    def evaluations(self) -> int:
+        """Return the evaluations spent."""
+        return int(self.history[-1][1]) if self.history else 0
+
+
+class RunFolder:
+    """The folder of one run, held against a second process while it is open.
+
+    Use `create` or `resume`; close it when done.
+    """
+
+    def __init__(self, path: Path, config: RunConfig) -> None:
+        self.path, self.config = path, config
+        self._lock = (path / '.lock').open('w')
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            self._lock.close()
+            expected = 'a run folder that no other process is working on'
+            raise InvalidInput('run', str(path), expected) from None
+
+    @classmethod
+    def create(cls, path: Path, config: RunConfig) -> 'RunFolder':
+        """Make a new run folder; InvalidInput if there is one already."""
+        if (path / 'config.yaml').exists() or (path.exists() and any(path.iterdir())):
+            expected = 'a new or empty folder (add --resume to go on with the run in it)'
+            raise InvalidInput('run', str(path), expected)
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            folder = cls(path, config)
+            write_text(path / 'config.yaml', config.to_yaml())
+        except OSError as error:
+            expected = 'a folder that can be written'
+            raise InvalidInput('run', f'{path}: {error.strerror}', expected) from None
+        return folder
+
+    @classmethod
+    def resume(cls, path: Path) -> 'RunFolder':
+        """Open the run folder of a run that was stopped; InvalidInput if there is none."""
+        if not (path / 'config.yaml').exists():
+            raise InvalidInput('run', str(path), 'the folder of an earlier run (config.yaml)')
+        return cls(path, RunConfig.from_yaml(path / 'config.yaml'))
+
+    def load(self) -> Progress:
+        """Return where the run stands, and mend history.csv and best.npz after a kill."""
+        path = self.path / 'checkpoint.npz'
+        if not path.exists():
+            return Progress()
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                arrays = {name: data[name] for name in data.files}
+            rows = arrays.pop('history')
+            progress = Progress(arrays, [tuple(row) for row in rows.tolist()])
+        except Exception as error:
+            expected = 'a checkpoint written by evolve'
+            raise InvalidInput('file', str(error), expected, str(path)) from None
+        self._write_views(progress)
+        return progress
+
+    def save(self, progress: Progress) -> None:
+        """Replace the checkpoint, then history.csv and best.npz."""
+        arrays = {**progress.strategy, 'history': np.array(progress.history)}
+        write_atomically(self.path / 'checkpoint.npz', lambda file: np.savez(file, **arrays))
+        self._write_views(progress)
+
+    def _write_views(self, progress: Progress) -> None:
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator='\n')
+        writer.writerow(HISTORY)
+        for generation, evaluations, *scores in progress.history:
+            writer.writerow([int(generation), int(evaluations), *map(repr, scores)])
+        write_text(self.path / 'history.csv', text.getvalue())
+        config = self.config
+        trained = TrainedController(
+            architecture=config.architecture,
+            morphology=parse_morphology(config.shape),
+            theta=progress.strategy['individuals'][0],
+            terrain=config.terrain,
+            material=config.material,
+            solver=config.solver,
+            fitness=float(progress.strategy['fitness'][0]),
+            seed=config.seed,
+            evaluations=progress.evaluations,
+        )
+        save_controller(self.path / 'best.npz', trained)
+
+    def close(self) -> None:
+        """Let another process have the folder."""
+        self._lock.close()

@@ -1,0 +1,117 @@
+"""What one evolutionary run is: checked, and kept beside its results as config.yaml."""
+
+import math
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import yaml
+
+from sim_node.errors import InvalidInput, near_miss
+from sim_node.material import Material
+from sim_node.morphology import parse_morphology
+from sim_node.simulation import Simulation, Solver
+from sim_node.terrain import parse_terrain
+from snca_ros.cell.nca import Architecture
+from snca_ros.evolution.locomotion import EPISODE, TRANSIENT
+
+
+@dataclass(frozen=True)
+class RunConfig:
+    """One evolutionary run.
+
+    Attributes:
+        shape: morphology, a name or a grid.
+        terrain: name of the ground.
+        architecture: what kind of cells.
+        evaluations: episodes to spend (paper: 30,000).
+        seed: of all random numbers.
+        population, sigma: of the evolution strategy.
+        duration, transient: of an episode [s], and what its score ignores at the start [s].
+        material, solver: of the simulation.
+
+    Raises:
+        InvalidInput: a value is off.
+    """
+
+    shape: str
+    architecture: Architecture
+    terrain: str = 'flat'
+    evaluations: int = 30_000
+    seed: int = 0
+    population: int = 36
+    sigma: float = 0.35
+    duration: float = EPISODE
+    transient: float = TRANSIENT
+    material: Material = field(default_factory=Material)
+    solver: Solver = field(default_factory=Solver)
+
+    def __post_init__(self) -> None:
+        parse_morphology(self.shape)
+        parse_terrain(self.terrain)
+        for name, low, high in (
+            ('evaluations', 1, 10**9), ('seed', 0, 2**63 - 1), ('population', 4, 100_000)
+        ):
+            _check(name, getattr(self, name), int, low, high)
+        for name, low, high in (
+            ('sigma', 0.0, 100.0), ('duration', 0.1, 3600.0), ('transient', 0.0, self.duration)
+        ):
+            _check(name, getattr(self, name), (int, float), low, high)
+
+    def simulation(self) -> Simulation:
+        """Return the simulation of an episode."""
+        return Simulation(
+            self.shape, self.terrain, material=self.material, solver=self.solver
+        )
+
+    @property
+    def n_parameters(self) -> int:
+        """Return the length of a candidate."""
+        return self.architecture.n_parameters(parse_morphology(self.shape).n_voxels)
+
+    def to_yaml(self) -> str:
+        """Return the text of config.yaml."""
+        values = {**asdict(self), 'architecture': self.architecture.to_dict()}
+        return yaml.safe_dump(values, sort_keys=False)
+
+    @classmethod
+    def from_yaml(cls, path: Path) -> 'RunConfig':
+        """Read config.yaml; InvalidInput with the file's name if it cannot be used."""
+        try:
+            values = yaml.safe_load(path.read_text())
+        except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+            reason = ' '.join(str(error).split())
+            raise InvalidInput('file', reason, 'a run configuration', str(path)) from None
+        try:
+            return cls.from_dict(values)
+        except InvalidInput as error:
+            raise error.found_in(str(path)) from None
+
+    @classmethod
+    def from_dict(cls, values: object) -> 'RunConfig':
+        """Return the run of a parsed config.yaml."""
+        if not isinstance(values, dict):
+            raise InvalidInput('config', values, 'keys and values')
+        known = list(cls.__dataclass_fields__)
+        for key in values:
+            if key not in known:
+                expected = f'one of {", ".join(known)}' + near_miss(str(key), known)
+                raise InvalidInput('key', key, expected)
+        for key in ('shape', 'architecture'):
+            if key not in values:
+                raise InvalidInput(key, None, 'a value')
+        for key in ('architecture', 'material', 'solver'):
+            if not isinstance(values.get(key, {}), dict):
+                raise InvalidInput(key, values[key], 'keys and values')
+        parts = {
+            'architecture': Architecture.from_dict(values['architecture']),
+            'material': Material.from_dict(values.get('material', {})),
+            'solver': Solver.from_dict(values.get('solver', {})),
+        }
+        return cls(**{**values, **parts})
+
+
+def _check(name: str, value: object, kinds: type | tuple, low: float, high: float) -> None:
+    is_kind = isinstance(value, kinds) and not isinstance(value, bool)
+    if not is_kind or not math.isfinite(value) or not low <= value <= high:
+        kind = 'an integer' if kinds is int else 'a number'
+        raise InvalidInput(name, value, f'{kind} from {low:g} to {high:g}')

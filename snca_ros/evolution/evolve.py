@@ -1,0 +1,194 @@
+"""The offline evolution script: trains the parameters that the voxel nodes load."""
+
+import argparse
+import os
+import signal
+import sys
+import time
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+
+import numpy as np
+
+from sim_node.morphology import SHAPES
+from snca_ros.cell.nca import ARCHITECTURES, NEURON_MODELS, Architecture
+from snca_ros.evolution.checkpoint import Progress, RunFolder
+from snca_ros.evolution.config import RunConfig
+from snca_ros.evolution.strategy import SimpleEvolutionStrategy
+from snca_ros.evolution.workers import WorkerPool
+
+INTERRUPTED = 130
+
+
+def evolve(folder: RunFolder, n_workers: int, report=lambda progress: None) -> Progress:
+    """Run, or go on with, the run of `folder` until its evaluations are spent.
+
+    Args:
+        folder: the run; after every generation its files are up to date.
+        n_workers: processes that evaluate; the result does not depend on it.
+        report: called with the `Progress` after every generation.
+    """
+    config = folder.config
+    strategy = SimpleEvolutionStrategy(
+        config.n_parameters,
+        population=config.population, sigma=config.sigma, seed=config.seed,
+    )
+    progress = folder.load()
+    if progress.history:
+        strategy.restore(progress.strategy)
+    if progress.evaluations >= config.evaluations:
+        return progress
+    with WorkerPool(config, n_workers) as pool:
+        while progress.evaluations < config.evaluations:
+            candidates = strategy.ask()[: config.evaluations - progress.evaluations]
+            fitness = np.array(list(pool.evaluate(candidates)))
+            strategy.tell(candidates, fitness)
+            progress = Progress(
+                strategy.state(),
+                [*progress.history, _history_row(progress, fitness, strategy)],
+            )
+            folder.save(progress)
+            report(progress)
+    return progress
+
+
+def _history_row(
+    before: Progress, fitness: np.ndarray, strategy: SimpleEvolutionStrategy
+) -> tuple[float, ...]:
+    return (
+        len(before.history),
+        before.evaluations + len(fitness),
+        float(fitness.max()),
+        float(np.median(fitness)),
+        float(fitness.min()),
+        float(strategy.fitness[0]),
+    )
+
+
+class ProgressLine:
+    """Tells how far a run is: on a terminal one line that changes, elsewhere a line at times."""
+
+    def __init__(self, total: int, done: int, every: float = 10.0) -> None:
+        self.total, self.done_before, self.every = total, done, every
+        self.start = self.shown = time.monotonic()
+        self.live = sys.stderr.isatty()
+
+    def __call__(self, progress: Progress) -> None:
+        """Show `progress` if it is time to."""
+        now = time.monotonic()
+        done = progress.evaluations
+        if not self.live and now - self.shown < self.every and done < self.total:
+            return
+        self.shown = now
+        generation, _, best, median, _, best_so_far = progress.history[-1]
+        rate = (done - self.done_before) / (now - self.start)
+        left = time.strftime('%H:%M:%S', time.gmtime((self.total - done) / rate))
+        line = (
+            f'generation {int(generation):4d}  {done}/{self.total} evaluations  '
+            f'v_x best {best_so_far:.3f} (this generation {best:.3f}, median {median:.3f})  '
+            f'{rate:.1f}/s  {left} left'
+        )
+        end = '\n' if not self.live or done >= self.total else ''
+        print(f'\r\x1b[K{line}' if self.live else line, end=end, file=sys.stderr, flush=True)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line of `evolve`."""
+    new = parser.add_argument_group('the run')
+    new.add_argument('--shape', help=f'{", ".join(SHAPES)} with a size, or a grid 1111-1001')
+    new.add_argument('--architecture', help=f'{", ".join(ARCHITECTURES)} (default U-nD)')
+    new.add_argument('--neuron-model', help=f'{", ".join(NEURON_MODELS)} (default snn-h)')
+    new.add_argument('--n-c', type=int, help='message channels per side (default 4 nD, 1 D)')
+    new.add_argument('--hidden', help='hidden layer sizes, as 20 or 16,8, or 0 for none')
+    new.add_argument('--as-printed', action='store_true', default=None,
+                     help="the paper's printed equations where the authors' code differs")
+    new.add_argument('--terrain', help='flat, hilly-h-w-seed, steppy-h-w-seed, uphill-a, ...')
+    new.add_argument('--evaluations', type=int, help='episodes to spend (default 30000)')
+    new.add_argument('--seed', type=int, help='of all random numbers (default 0)')
+    new.add_argument('--population', type=int, help='individuals per generation (default 36)')
+    new.add_argument('--sigma', type=float, help='spread of the children (default 0.35)')
+    new.add_argument('--duration', type=float, help='seconds of an episode (default 30)')
+    new.add_argument('--transient', type=float, help='seconds not scored (default 5)')
+    parser.add_argument('--run', type=Path, help='run folder (default runs/<what it is>)')
+    parser.add_argument('--resume', type=Path, metavar='RUN', help='go on with a stopped run')
+    parser.add_argument('--workers', type=int, default=os.cpu_count() or 1,
+                        help='processes that evaluate (default: all cores)')
+
+
+_OF_THE_CELL = ('n_c', 'hidden', 'as_printed')
+_OF_THE_RUN = (
+    'terrain', 'evaluations', 'seed', 'population', 'sigma', 'duration', 'transient',
+)
+
+
+def _given(args: argparse.Namespace, names: tuple[str, ...]) -> dict:
+    return {name: getattr(args, name) for name in names if getattr(args, name) is not None}
+
+
+def _new_config(args: argparse.Namespace) -> RunConfig:
+    cell = _given(args, _OF_THE_CELL)
+    if 'hidden' in cell:
+        cell['hidden'] = _hidden_layers(cell['hidden'])
+    architecture = Architecture.named(
+        args.architecture or 'U-nD', args.neuron_model or 'snn-h', **cell
+    )
+    return RunConfig(args.shape or 'biped', architecture, **_given(args, _OF_THE_RUN))
+
+
+def _hidden_layers(text: str) -> tuple:
+    sizes = tuple(int(s) if s.isascii() and s.isdigit() else s for s in text.split(','))
+    return () if sizes == (0,) else sizes
+
+
+def _default_folder(config: RunConfig) -> Path:
+    cell = config.architecture
+    printed = '-as-printed' if cell.as_printed else ''
+    name = f'{config.shape}-{cell.name}-{cell.neuron_model}{printed}-{config.terrain}'
+    return Path('runs') / f'{name}-seed{config.seed}'
+
+
+def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Evolve as the command line says; return the exit code."""
+    if args.workers < 1:
+        parser.error(f'--workers: got {args.workers}, expected at least 1')
+    if args.resume:
+        options = ('shape', 'architecture', 'neuron_model', *_OF_THE_CELL, *_OF_THE_RUN, 'run')
+        extra = _given(args, options)
+        if extra:
+            parser.error(f'--resume goes on with the run as it is; drop --{next(iter(extra))}')
+        folder = RunFolder.resume(args.resume)
+    else:
+        config = _new_config(args)
+        folder = RunFolder.create(args.run or _default_folder(config), config)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    print(f'{folder.path}: {_described(folder.config)}', file=sys.stderr)
+    try:
+        done = folder.load().evaluations
+        line = ProgressLine(folder.config.evaluations, done)
+        progress = evolve(folder, args.workers, line)
+    except KeyboardInterrupt:
+        print(f'\nstopped; go on with: evolve --resume {folder.path}', file=sys.stderr)
+        return INTERRUPTED
+    except BrokenProcessPool:
+        print(
+            f'\na worker process ended unexpectedly (out of memory?); the run is intact up to '
+            f'the last generation, go on with: evolve --resume {folder.path}',
+            file=sys.stderr,
+        )
+        return 1
+    finally:
+        folder.close()
+    print(
+        f'{folder.path / "best.npz"}: v_x {progress.history[-1][-1]:.4f} m/s in the one '
+        f'episode that scored it, {progress.evaluations} evaluations'
+    )
+    return 0
+
+
+def _described(config: RunConfig) -> str:
+    cell = config.architecture
+    return (
+        f'{config.shape} on {config.terrain}, {cell.name} {cell.neuron_model}'
+        f'{" as printed" if cell.as_printed else ""}, layers {cell.layer_sizes}, '
+        f'{config.n_parameters} parameters, seed {config.seed}'
+    )
