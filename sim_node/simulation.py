@@ -53,6 +53,15 @@ class Solver:
         if not isinstance(self.self_collision, bool):
             raise InvalidInput('solver.self_collision', self.self_collision, 'true or false')
 
+    @classmethod
+    def from_dict(cls, values: dict) -> 'Solver':
+        """Return the solver with `values` in place of defaults; InvalidInput if one is off."""
+        known = list(cls.__dataclass_fields__)
+        for key in values:
+            if key not in known:
+                raise InvalidInput('solver', key, f'one of {", ".join(known)}')
+        return cls(**values)
+
 
 class Diverged(ArithmeticError):
     """The physics left the finite numbers; the episode cannot go on."""

@@ -1,0 +1,189 @@
+"""(ROS) The body's topics: their names, stamps and QoS, and readings and actuation as messages."""
+
+import numpy as np
+from geometry_msgs.msg import Point
+from nav_msgs.msg import Odometry
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from sim_node.errors import InvalidInput
+from sim_node.sensors import SENSORS
+from sim_node.simulation import CONTROL_RATE
+from sim_node.wire import WireFormat
+
+WORLD_FRAME = 'world'
+
+SENSORS_TOPIC, ACTUATION_TOPIC = 'sensors', 'actuation'
+"""Topics below `<voxel>/`."""
+
+QUEUE = 16
+"""Depth of the queues that voxels and simulation read from; in lock-step two would do."""
+
+_HISTORY = 1000
+
+
+def stream_qos(depth: int = _HISTORY) -> QoSProfile:
+    """Return the QoS of everything that is stamped with a control step.
+
+    Reliable, and transient-local so that a node which joins late hears what was said last. The
+    writers keep many steps, so that a recorder may fall behind without losing one.
+    """
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    )
+
+
+def stamp_of_step(step: int) -> tuple[int, int]:
+    """Return (sec, nanosec) of control step `step`, k/60 s rounded down to a nanosecond."""
+    sec, rest = divmod(step, CONTROL_RATE)
+    return sec, rest * 10**9 // CONTROL_RATE
+
+
+def step_of_stamp(sec: int, nanosec: int) -> int:
+    """Return the control step of a stamp; InvalidInput if the stamp is not one of a step."""
+    step = sec * CONTROL_RATE + (nanosec * CONTROL_RATE + 10**9 - 1) // 10**9
+    if sec < 0 or stamp_of_step(step) != (sec, nanosec):
+        raise InvalidInput('stamp', (sec, nanosec), f'a multiple of 1/{CONTROL_RATE} s')
+    return step
+
+
+def _joint_state_format(frame: str, names: list[str]) -> WireFormat:
+    numbers = np.arange(1.0, len(names) + 1.0) / 7.0
+    message = JointState(name=names, position=numbers.tolist())
+    message.header.frame_id = frame
+
+    def check(received: JointState) -> None:
+        if list(received.name) != names:
+            raise InvalidInput('name', list(received.name), str(names))
+        if len(received.position) != len(names):
+            raise InvalidInput(
+                'position', f'{len(received.position)} values', f'{len(names)} values'
+            )
+        if received.velocity or received.effort:
+            raise InvalidInput('velocity, effort', 'values', 'none')
+        if received.header.frame_id != frame:
+            raise InvalidInput('frame_id', received.header.frame_id, frame)
+
+    return WireFormat(message, {'position': numbers}, check=check)
+
+
+def sensors_format(voxel: str) -> WireFormat:
+    """Return the format of `<voxel>/sensors`: position = the four readings."""
+    return _joint_state_format(voxel, list(SENSORS))
+
+
+def actuation_format(voxel: str) -> WireFormat:
+    """Return the format of `<voxel>/actuation`: position = [a]."""
+    return _joint_state_format(voxel, [voxel])
+
+
+def read_joint_state(wire: WireFormat, data: bytes, low: float, high: float):
+    """Return (step, numbers) of serialised sensors or actuation.
+
+    Raises:
+        InvalidInput: a fixed part, the stamp or a number is not what it should be.
+    """
+    try:
+        stamp, numbers = wire.decode(data, 'position')
+    except InvalidInput:
+        raise
+    except Exception as error:
+        raise InvalidInput('message', str(error), 'a sensor_msgs/JointState') from None
+    if not ((numbers >= low) & (numbers <= high)).all():
+        raise InvalidInput('position', numbers.tolist(), f'numbers from {low:g} to {high:g}')
+    return step_of_stamp(*stamp), numbers
+
+
+def clock_format() -> WireFormat:
+    """Return the format of /clock."""
+    return WireFormat(Clock(), {})
+
+
+def odometry_format(child_frame: str) -> WireFormat:
+    """Return the format of `odometry`: robot centre [m] and velocity [m/s], x forward, z up.
+
+    The robot lives in the plane; orientation stays the identity, pose and twist share its axes.
+    """
+    position, velocity = np.array([1.5, 2.5, 3.5]), np.array([4.5, 5.5, 6.5])
+    message = Odometry(child_frame_id=child_frame)
+    message.header.frame_id = WORLD_FRAME
+    pose, twist = message.pose.pose.position, message.twist.twist.linear
+    pose.x, pose.y, pose.z = position
+    twist.x, twist.y, twist.z = velocity
+    return WireFormat(message, {'position': position, 'velocity': velocity})
+
+
+def upright(vector: np.ndarray) -> np.ndarray:
+    """Return the simulation's (..., 2) x, y as (..., 3) x forward, y left, z up (REP 103)."""
+    out = np.zeros((*vector.shape[:-1], 3))
+    out[..., 0], out[..., 2] = vector[..., 0], vector[..., 1]
+    return out
+
+
+_TRIANGLES = np.array([0, 1, 2, 0, 2, 3])
+_OUTLINE = np.array([0, 1, 1, 2, 2, 3, 3, 0])
+
+
+class RobotMarkers:
+    """The robot as a MarkerArray: voxels coloured by area ratio, and their outlines."""
+
+    def __init__(self, n_voxels: int) -> None:
+        n_fill, n_line = n_voxels * len(_TRIANGLES), n_voxels * len(_OUTLINE)
+        self._fill = np.arange(1.0, 3 * n_fill + 1) / 3.0
+        self._line = np.arange(1.0, 3 * n_line + 1) / 7.0
+        self._color = (np.arange(1.0, 4 * n_fill + 1) / 11.0).astype(np.float32)
+        voxels = _marker('voxels', 0, Marker.TRIANGLE_LIST, 1.0)
+        voxels.points = _points(self._fill)
+        voxels.colors = [
+            ColorRGBA(r=r, g=g, b=b, a=a) for r, g, b, a in self._color.reshape(-1, 4).tolist()
+        ]
+        outlines = _marker('outlines', 0, Marker.LINE_LIST, 0.06)
+        outlines.points = _points(self._line)
+        outlines.color = ColorRGBA(r=0.1, g=0.1, b=0.1, a=1.0)
+        # Stamp 0 means "the latest" to viewers, so that no marker is ever too old to be drawn.
+        numbers = {'fill': self._fill, 'color': self._color, 'line': self._line}
+        self._wire = WireFormat(MarkerArray(markers=[voxels, outlines]), numbers, stamped=False)
+
+    def encode(self, corners: np.ndarray, area_ratios: np.ndarray) -> bytes:
+        """Return the serialised MarkerArray of (n, 4, 2) corners [m] and (n,) area ratios."""
+        points = upright(corners)
+        colors = np.repeat(area_colors(area_ratios), len(_TRIANGLES), axis=0)
+        return self._wire.encode(
+            fill=points[:, _TRIANGLES], color=colors, line=points[:, _OUTLINE]
+        )
+
+
+def area_colors(area_ratios: np.ndarray) -> np.ndarray:
+    """Return (n, 4) RGBA: red where contracted, yellow at rest, green where expanded."""
+    t = np.clip((np.asarray(area_ratios) - 0.75) / 0.5, 0.0, 1.0)[:, None]
+    red, yellow, green = np.array([[0.85, 0.2, 0.15], [0.95, 0.85, 0.3], [0.2, 0.65, 0.3]])
+    rgb = np.where(t < 0.5, red + (yellow - red) * 2 * t, yellow + (green - yellow) * (2 * t - 1))
+    return np.concatenate([rgb, np.ones_like(t)], axis=1)
+
+
+def ground_markers(x: np.ndarray, y: np.ndarray) -> MarkerArray:
+    """Return the ground's profile as one line marker."""
+    ground = _marker('ground', 0, Marker.LINE_STRIP, 0.1)
+    ground.points = [Point(x=float(a), z=float(b)) for a, b in zip(x, y, strict=True)]
+    ground.color = ColorRGBA(r=0.4, g=0.4, b=0.4, a=1.0)
+    return MarkerArray(markers=[ground])
+
+
+def _marker(namespace: str, number: int, kind: int, scale: float) -> Marker:
+    marker = Marker(ns=namespace, id=number, type=kind, action=Marker.ADD)
+    marker.header.frame_id = WORLD_FRAME
+    marker.pose.orientation.w = 1.0
+    marker.scale.x = scale
+    if kind == Marker.TRIANGLE_LIST:
+        marker.scale.y = marker.scale.z = scale
+    return marker
+
+
+def _points(flat: np.ndarray) -> list[Point]:
+    return [Point(x=x, y=y, z=z) for x, y, z in flat.reshape(-1, 3).tolist()]

@@ -1,0 +1,264 @@
+"""(ROS) The simulation node: publishes each voxel's sensors, applies each voxel's actuation.
+
+Lock-step: it publishes `sensors`(k), waits until every voxel has answered with `actuation`(k),
+steps the physics and goes on with k + 1. It never computes a control signal itself.
+"""
+
+import time
+from dataclasses import fields
+from functools import partial
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
+from nav_msgs.msg import Odometry
+from rclpy.duration import Duration
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool, Trigger
+from visualization_msgs.msg import MarkerArray
+
+from sim_node import interface
+from sim_node.errors import InvalidInput
+from sim_node.material import Material
+from sim_node.morphology import parse_morphology
+from sim_node.ros import RosNode, run_nodes
+from sim_node.simulation import CONTROL_RATE, Diverged, Simulation, Solver
+
+_MARKER_PERIOD = 2  # control steps: 30 Hz of simulated time
+_FAILED = 1
+
+
+class SimNode(RosNode):
+    """One robot's body in its world, as a ROS node."""
+
+    def __init__(self) -> None:
+        super().__init__('sim_node')
+        self.simulation = self._simulation_from_parameters()
+        p = self.parameter
+        self._duration = p(
+            'duration', 0.0, 'simulated time after which the node ends [s]; 0: never', 0.0, 1e6
+        )
+        self._silence_limit = p(
+            'silence_limit', 10.0, 'wall time a voxel may take to answer [s]', 0.1, 3600.0
+        )
+        self._start_limit = p(
+            'start_limit', 60.0, 'wall time until all voxels must have answered [s]', 0.1, 3600.0
+        )
+        self._on_silence = p(
+            'on_silence', 'stop', 'what to do about a silent voxel: stop | go_on'
+        )
+        self._paused = p('start_paused', False, 'wait for the service pause(false) or step')
+        self.check_unknown_parameters()
+        if self._on_silence not in ('stop', 'go_on'):
+            raise InvalidInput('on_silence', self._on_silence, 'stop or go_on', self._where())
+        self._voxels = self.simulation.morphology.voxel_names
+        self._make_topics()
+        self._make_services()
+        self.create_timer(0.25, self._watch)
+        self._silent: set[str] = set()
+        self._spoken = False
+        self._begin()
+
+    def _simulation_from_parameters(self) -> Simulation:
+        p = self.parameter
+        shape = p('morphology', 'biped', 'shape name or grid, e.g. biped, comb-7x2, 1111-1001')
+        terrain = p('terrain', 'flat', 'flat | hilly-h-w-seed | steppy-h-w-seed | uphill-a | ...')
+        p('engine', 'pymunk', 'physics engine: pymunk')
+        constants = {
+            f.name: p(
+                f'material.{f.name}', f.default,
+                f'{f.metadata["text"]} [{f.metadata["unit"] or "1"}]',
+                f.metadata['low'], f.metadata['high'],
+            )
+            for f in fields(Material)
+        }
+        solver = Solver(
+            substeps=p('solver.substeps', 1, 'physics steps per control step', 1, 100),
+            iterations=p('solver.iterations', 10, 'sweeps of the impulse solver', 1, 1000),
+            self_collision=p(
+                'solver.self_collision', False, 'whether masses of the robot collide'
+            ),
+        )
+        noise = p('sensor_noise', 0.0, 'standard deviation of noise on readings', 0.0, 10.0)
+        seed = p('seed', 0, 'of the sensor noise', 0, 2**31 - 1)
+        if self.get_parameter('engine').value != 'pymunk':
+            raise InvalidInput('engine', self.get_parameter('engine').value, 'pymunk')
+        try:
+            return Simulation(
+                parse_morphology(shape), terrain, material=Material(**constants),
+                solver=solver, sensor_noise=noise, seed=seed,
+            )
+        except InvalidInput as error:
+            raise error.found_in(self._where()) from None
+
+    def _make_topics(self) -> None:
+        qos = interface.stream_qos()
+        self._clock = self.create_publisher(Clock, '/clock', qos)
+        self._clock_wire = interface.clock_format()
+        self._odometry = self.create_publisher(Odometry, 'odometry', qos)
+        self._odometry_wire = interface.odometry_format(self.simulation.morphology.name)
+        self._markers = self.create_publisher(MarkerArray, 'markers', qos)
+        self._robot_markers = interface.RobotMarkers(len(self._voxels))
+        self._sensors = []
+        self._actuation_wires = []
+        for i, voxel in enumerate(self._voxels):
+            publisher = self.create_publisher(
+                JointState, f'{voxel}/{interface.SENSORS_TOPIC}', qos
+            )
+            self._sensors.append((publisher, interface.sensors_format(voxel)))
+            self._actuation_wires.append(interface.actuation_format(voxel))
+            self.create_subscription(
+                JointState, f'{voxel}/{interface.ACTUATION_TOPIC}',
+                partial(self._on_actuation, i), interface.stream_qos(interface.QUEUE), raw=True,
+            )
+        terrain = self.simulation.terrain
+        self._markers.publish(interface.ground_markers(terrain.x, terrain.y))
+
+    def _make_services(self) -> None:
+        self.create_service(Trigger, 'reset', self._serve_reset)
+        self.create_service(SetBool, 'pause', self._serve_pause)
+        self.create_service(Trigger, 'step', self._serve_step)
+
+    def _begin(self) -> None:
+        """Put the robot down and publish step 0."""
+        self._readings = self.simulation.reset()
+        self._to_make: int | None = None
+        self._publish_step()
+
+    def _publish_step(self) -> None:
+        """Publish the state at the present step and start to wait for actuation."""
+        simulation = self.simulation
+        self._answered = np.zeros(len(self._voxels), dtype=bool)
+        self._actuation = np.zeros(len(self._voxels))
+        self._waiting_since = time.monotonic()
+        stamp = interface.stamp_of_step(simulation.step_count)
+        self._clock.publish(self._clock_wire.encode(stamp))
+        self._odometry.publish(
+            self._odometry_wire.encode(
+                stamp,
+                position=interface.upright(simulation.center),
+                velocity=interface.upright(simulation.velocity),
+            )
+        )
+        if simulation.step_count % _MARKER_PERIOD == 0:
+            world = simulation.world
+            self._markers.publish(
+                self._robot_markers.encode(world.corners, world.area_ratios)
+            )
+        if self._duration and simulation.step_count >= self._duration * CONTROL_RATE:
+            self._finish()
+            return
+        for (publisher, wire), readings in zip(self._sensors, self._readings, strict=True):
+            publisher.publish(wire.encode(stamp, position=readings))
+
+    def _on_actuation(self, i: int, data: bytes) -> None:
+        voxel = self._voxels[i]
+        step = self.simulation.step_count
+        try:
+            sent, a = interface.read_joint_state(self._actuation_wires[i], data, -1.0, 1.0)
+            if sent > step:
+                raise InvalidInput('stamp', f'step {sent}', f'at most step {step}')
+        except InvalidInput as error:
+            self.refuse(f'{voxel}/{interface.ACTUATION_TOPIC}', error)
+            return
+        if sent < step or self._answered[i]:
+            self.count('late or repeated actuation')
+            return
+        self._actuation[i] = a[0]
+        self._answered[i] = True
+        if voxel in self._silent:
+            self._silent.discard(voxel)
+            self.get_logger().info(f'{voxel} answers again')
+        self._advance_if_ready()
+
+    def _advance_if_ready(self) -> None:
+        ready = self._answered.all() or (
+            self._silent and all(
+                done or voxel in self._silent
+                for done, voxel in zip(self._answered, self._voxels, strict=True)
+            )
+        )
+        if not ready or self.exit_code is not None:
+            return
+        if self._paused and not self._to_make:
+            return
+        self._to_make = None if self._to_make is None else self._to_make - 1
+        self._spoken = True
+        try:
+            self._readings = self.simulation.step(self._actuation)
+        except Diverged as error:
+            self.get_logger().error(f'the physics diverged: {error}')
+            self.exit_code = _FAILED
+            return
+        self.count('steps')
+        self._publish_step()
+
+    def _watch(self) -> None:
+        """Name the voxels that let everybody wait too long; stop or go on without them."""
+        waited = time.monotonic() - self._waiting_since
+        limit = self._silence_limit if self._spoken else self._start_limit
+        missing = [
+            voxel for voxel, done in zip(self._voxels, self._answered, strict=True)
+            if not done and voxel not in self._silent
+        ]
+        if waited <= limit or not missing or self._paused or self.exit_code is not None:
+            return
+        self.get_logger().error(
+            f'no actuation for step {self.simulation.step_count} within {limit:g} s from: '
+            f'{", ".join(missing)}'
+        )
+        if self._on_silence == 'stop':
+            self.exit_code = _FAILED
+            return
+        self._silent.update(missing)
+        self._advance_if_ready()
+
+    def _finish(self) -> None:
+        self.get_logger().info(
+            f'done: {self.simulation.time:g} s, centre at x = {self.simulation.center[0]:.3f} m'
+        )
+        self.exit_code = 0
+
+    def close(self) -> None:
+        """Let readers have what was published before the publishers vanish."""
+        publishers = [self._odometry, self._markers, self._clock, *(p for p, _ in self._sensors)]
+        for publisher in publishers:
+            if publisher.get_subscription_count():
+                publisher.wait_for_all_acked(Duration(seconds=2.0))
+
+    def health(self) -> tuple[bytes, str]:
+        """Return the state for /diagnostics."""
+        if self._silent:
+            return DiagnosticStatus.ERROR, f'silent: {", ".join(sorted(self._silent))}'
+        state = 'paused' if self._paused else 'running'
+        return DiagnosticStatus.OK, f'{state}, step {self.simulation.step_count}'
+
+    def _serve_reset(self, request: Trigger.Request, response: Trigger.Response):
+        self._begin()
+        response.success, response.message = True, 'at step 0'
+        return response
+
+    def _serve_pause(self, request: SetBool.Request, response: SetBool.Response):
+        self._paused, self._to_make = request.data, None
+        self._waiting_since = time.monotonic()
+        response.success = True
+        response.message = f'{"paused" if request.data else "running"} at step ' + str(
+            self.simulation.step_count
+        )
+        self._advance_if_ready()
+        return response
+
+    def _serve_step(self, request: Trigger.Request, response: Trigger.Response):
+        if not self._paused:
+            response.success, response.message = False, 'not paused'
+            return response
+        self._to_make = (self._to_make or 0) + 1
+        response.success = True
+        response.message = f'one step from step {self.simulation.step_count}'
+        self._advance_if_ready()
+        return response
+
+
+def main(argv: list[str]) -> int:
+    """Run the simulation node; return the exit code."""
+    return run_nodes(lambda: [SimNode()], argv)

@@ -1,0 +1,177 @@
+"""(ROS) What every node of the project shares: parameters, executor, diagnostics, clean exit."""
+
+import contextlib
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import (
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    ParameterUninitializedException,
+)
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+
+from sim_node.errors import InvalidInput, near_miss
+
+BAD_INPUT = 2
+
+_ALLOWED_UNDECLARED = ('use_sim_time', 'start_type_description_service')
+
+
+class RosNode(Node):
+    """A node whose parameters are checked and whose end is a plain exit code.
+
+    Attributes:
+        exit_code: None while the node runs; set it to end the process with that code.
+    """
+
+    def __init__(self, name: str, **options: Any) -> None:
+        super().__init__(name, **options)
+        self.exit_code: int | None = None
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self.create_timer(1.0, self._publish_diagnostics)
+        self.counters: dict[str, int] = {}
+
+    def parameter(
+        self,
+        name: str,
+        default: Any,
+        text: str,
+        low: float | None = None,
+        high: float | None = None,
+    ) -> Any:
+        """Declare a read-only parameter with its description and range; return its value.
+
+        Raises:
+            InvalidInput: the value given has another type or is out of range.
+        """
+        descriptor = ParameterDescriptor(description=text, read_only=True)
+        if isinstance(default, float) and low is not None:
+            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+        elif low is not None:
+            descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
+        expected = f'{type(default).__name__}: {text}'
+        if low is not None:
+            expected = f'{type(default).__name__} from {low:g} to {high:g}: {text}'
+        override = self._parameter_overrides.get(name)
+        given = override.value if override is not None else None
+        if isinstance(default, float) and type(given) is int:
+            # In a params file "1" for a float is what a person means by 1.0.
+            self._parameter_overrides[name] = rclpy.Parameter(name, value=float(given))
+        try:
+            return self.declare_parameter(name, default, descriptor).value
+        except (
+            InvalidParameterTypeException,
+            InvalidParameterValueException,
+            ParameterUninitializedException,
+        ):
+            raise InvalidInput(name, given, expected, self._where()) from None
+
+    def check_unknown_parameters(self) -> None:
+        """Raise InvalidInput if a value was given for a parameter that does not exist."""
+        for name, override in self._parameter_overrides.items():
+            ignored = name in _ALLOWED_UNDECLARED or name.startswith('qos_overrides.')
+            if not ignored and not self.has_parameter(name):
+                known = sorted(set(self._parameters) - set(_ALLOWED_UNDECLARED))
+                expected = f'one of {", ".join(known)}' + near_miss(name, known)
+                raise InvalidInput(f'parameter {name}', override.value, expected, self._where())
+
+    def _where(self) -> str:
+        files = [b for a, b in zip(sys.argv, sys.argv[1:], strict=False) if a == '--params-file']
+        return ', '.join([*files, self.get_fully_qualified_name()])
+
+    def count(self, name: str) -> None:
+        """Add one to a counter that the diagnostics show."""
+        self.counters[name] = self.counters.get(name, 0) + 1
+
+    def refuse(self, topic: str, error: Exception) -> None:
+        """Count a message that cannot be used and say why, at most once a second."""
+        self.count('refused messages')
+        self.get_logger().warning(f'{topic}: refused: {error}', throttle_duration_sec=1.0)
+
+    def close(self) -> None:
+        """Finish what the node has begun, before it is destroyed; nodes override it."""
+
+    def health(self) -> tuple[bytes, str]:
+        """Return (DiagnosticStatus level, one line); nodes override it."""
+        return DiagnosticStatus.OK, 'running'
+
+    def _publish_diagnostics(self) -> None:
+        level, text = self.health()
+        status = DiagnosticStatus(
+            level=level, name=self.get_fully_qualified_name(), message=text,
+            values=[KeyValue(key=k, value=str(v)) for k, v in self.counters.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+
+def new_executor() -> Any:
+    """Return the fastest executor that this rclpy has."""
+    try:
+        from rclpy.experimental import EventsExecutor
+    except ImportError:
+        return SingleThreadedExecutor()
+    return EventsExecutor()
+
+
+def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> int:
+    """Spin nodes until one of them ends, or until Ctrl-C or SIGTERM; return the exit code.
+
+    Args:
+        make_nodes: makes the nodes; may raise InvalidInput.
+        argv: command line after the program's name, with --ros-args.
+    """
+    nodes: Sequence[RosNode] = ()
+    executor = None
+    try:
+        try:
+            rclpy.init(args=[sys.argv[0], *argv])
+            nodes = make_nodes()
+        except InvalidInput as error:
+            print(f'error: {error}', file=sys.stderr)
+            return BAD_INPUT
+        except (rclpy.exceptions.ROSInterruptException, KeyboardInterrupt):
+            return 0
+        except Exception as error:
+            if not _is_bad_arguments(error):
+                raise
+            reason = ' '.join(str(error).split())
+            print(f'error: ROS arguments: {reason}', file=sys.stderr)
+            return BAD_INPUT
+        executor = new_executor()
+        for node in nodes:
+            executor.add_node(node)
+        while rclpy.ok() and all(node.exit_code is None for node in nodes):
+            executor.spin_once(0.2)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        # A second signal while things are taken down must not leave a traceback.
+        for number in (signal.SIGINT, signal.SIGTERM):
+            with contextlib.suppress(ValueError):
+                signal.signal(number, signal.SIG_IGN)
+        codes = [node.exit_code or 0 for node in nodes]
+        for node in nodes:
+            node.close()
+        if executor is not None:
+            executor.shutdown()
+        for node in nodes:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return max(codes, default=0)
+
+
+def _is_bad_arguments(error: Exception) -> bool:
+    """Tell whether rcl refused the command line or a params file."""
+    kinds = ('RCLError', 'UnknownROSArgsError', 'RCLInvalidROSArgsError', 'InvalidNodeName',
+             'NodeNameNonExistentError', 'InvalidNamespace', 'InvalidNodeNameException',
+             'InvalidNamespaceException')
+    return any(kind.__name__ in kinds for kind in type(error).__mro__)

@@ -1,0 +1,180 @@
+"""(ROS) A voxel as a node of its own: it hears its sensors and its neighbours, and acts.
+
+It knows its place, its parameters and its neighbours' names, and nothing of the robot's shape.
+It steps when it holds `sensors`(k) and its neighbours' messages(k - 1), publishes its own
+message(k), then `actuation`(k).
+"""
+
+import argparse
+import re
+import sys
+import time
+from functools import partial
+
+import numpy as np
+from rclpy.utilities import remove_ros_args
+from sensor_msgs.msg import Image, JointState
+
+from sim_node import interface
+from sim_node.errors import InvalidInput
+from sim_node.morphology import DIRECTIONS, OPPOSITE
+from sim_node.ros import RosNode, run_nodes
+from snca_ros.cell.nca import Cells
+from snca_ros.controller import weights_of
+from snca_ros.controller_file import load_controller
+from snca_ros.nodes.spikes import CellMessages, topic_name
+
+_VOXEL_NAME = re.compile(r'voxel_\d+_\d+')
+
+
+class VoxelNode(RosNode):
+    """One cell: the spiking network or perceptron of one voxel."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        p = self.parameter
+        self._voxel = p('voxel', name, 'place of this voxel: voxel_<x>_<y>; default: its name')
+        path = p('controller', '', 'controller file (.npz) to load the parameters from')
+        names = [
+            p(f'neighbor.{d}', '', f'name of the voxel {d} of this one; empty: none')
+            for d in DIRECTIONS
+        ]
+        self._patience = p(
+            'patience', 0.0, 'wall time to wait for a neighbour before taking it for silent '
+            '[s]; 0: for ever', 0.0, 3600.0,
+        )
+        self.check_unknown_parameters()
+        for field, value in (('voxel', self._voxel), *zip(DIRECTIONS, names, strict=True)):
+            if not _VOXEL_NAME.fullmatch(value) and (value or field == 'voxel'):
+                raise InvalidInput(field, value, 'voxel_<x>_<y>', self._where())
+        self._neighbors = {d: n for d, n in enumerate(names) if n}
+        self._load(path)
+        self._make_topics()
+        if self._patience:
+            self.create_timer(min(self._patience / 4, 0.25), self._try_step)
+        self._restart()
+
+    def _load(self, path: str) -> None:
+        """Load this voxel's own parameters from the controller file."""
+        trained = load_controller(path)
+        try:
+            index = trained.morphology.index_of(self._voxel)
+        except InvalidInput as error:
+            raise error.found_in(path) from None
+        self._architecture = trained.architecture
+        n_voxels = trained.morphology.n_voxels
+        weights = weights_of(self._architecture, trained.theta, n_voxels, index)
+        self._cells = Cells(self._architecture, weights[np.newaxis])
+
+    def _make_topics(self) -> None:
+        qos, queue = interface.stream_qos(), interface.stream_qos(interface.QUEUE)
+        voxel, topic = self._voxel, topic_name(self._architecture)
+        self._sensors_wire = interface.sensors_format(voxel)
+        self._actuation_wire = interface.actuation_format(voxel)
+        self._messages = CellMessages(self._architecture, voxel)
+        self._messages_out = self.create_publisher(Image, f'{voxel}/{topic}', qos)
+        self._actuation_out = self.create_publisher(
+            JointState, f'{voxel}/{interface.ACTUATION_TOPIC}', qos
+        )
+        self._neighbor_messages = {
+            d: CellMessages(self._architecture, name) for d, name in self._neighbors.items()
+        }
+        for d, name in self._neighbors.items():
+            self.create_subscription(
+                Image, f'{name}/{topic}', partial(self._on_message, d), queue, raw=True
+            )
+        self.create_subscription(
+            JointState, f'{voxel}/{interface.SENSORS_TOPIC}', self._on_sensors, queue, raw=True
+        )
+
+    def _restart(self) -> None:
+        """Start afresh, as at the reset of the simulation."""
+        self._cells.reset()
+        self._inbox = np.zeros_like(self._cells.state.inbox[0])
+        self._readings: np.ndarray | None = None  # sensors(k) not yet answered
+        self._step = -1  # k of the newest sensors
+        self._since = 0.0
+        old = getattr(self, '_received', {})
+        # Neighbours may have reset first: keep what they said at the new step 0.
+        self._received: dict[int, dict[int, np.ndarray]] = {
+            d: {0: old[d][0]} if 0 in old.get(d, ()) else {} for d in self._neighbors
+        }
+        self._silent: set[int] = set()
+
+    def _on_sensors(self, data: bytes) -> None:
+        try:
+            step, readings = interface.read_joint_state(self._sensors_wire, data, 0.0, 1.0)
+        except InvalidInput as error:
+            self.refuse(f'{self._voxel}/{interface.SENSORS_TOPIC}', error)
+            return
+        if step == 0:
+            self._restart()
+        elif step <= self._step:
+            self.count('repeated sensors')
+            return
+        self._step, self._readings, self._since = step, readings, time.monotonic()
+        self._try_step()
+
+    def _on_message(self, direction: int, data: bytes) -> None:
+        try:
+            step, message = self._neighbor_messages[direction].decode(data)
+            if self._step >= 0 and step > self._step + 1:
+                raise InvalidInput('stamp', f'step {step}', f'at most step {self._step + 1}')
+        except InvalidInput as error:
+            self.refuse(f'{self._neighbors[direction]}/{topic_name(self._architecture)}', error)
+            return
+        box = self._received[direction]
+        for old in [k for k in box if k > step]:  # the neighbour was reset
+            del box[old]
+        box[step] = message
+        self._silent.discard(direction)
+        self._try_step()
+
+    def _try_step(self) -> None:
+        """Step if sensors(k) and all neighbours' messages(k - 1) are here."""
+        if self._readings is None:
+            return
+        before = self._step - 1
+        if before >= 0:
+            missing = [d for d, box in self._received.items() if before not in box]
+            waiting = [d for d in missing if d not in self._silent]
+            if waiting:
+                if not self._patience or time.monotonic() - self._since < self._patience:
+                    return
+                for d in waiting:
+                    self.get_logger().warning(f'{self._neighbors[d]} is silent')
+                self._silent.update(waiting)
+                self.count('times a neighbour fell silent')
+        self._collect(before)
+        self._publish_step()
+
+    def _collect(self, before: int) -> None:
+        """Move the neighbours' messages of step `before` into the inbox."""
+        for d, box in self._received.items():
+            message = box.get(before)
+            if message is None:
+                self._inbox[d] = 0.0
+            else:
+                self._inbox[d] = message[OPPOSITE[d] if self._architecture.directional else 0]
+            for old in [k for k in box if k <= before]:
+                del box[old]
+
+    def _publish_step(self) -> None:
+        stamp = interface.stamp_of_step(self._step)
+        a = self._cells.step_cell(0, self._readings, self._inbox, self._step)
+        self._readings = None
+        self._messages_out.publish(self._messages.encode(stamp, self._cells.outbox[0]))
+        self._actuation_out.publish(self._actuation_wire.encode(stamp, position=np.array([a])))
+        self.count('steps')
+
+
+def main(argv: list[str]) -> int:
+    """Run one voxel node, or one per name given; return the exit code."""
+    parser = argparse.ArgumentParser(
+        prog='voxel_node',
+        description='One voxel as a ROS node, or several in one process.',
+        epilog='Everything else is set by --ros-args; see `ros2 param list`.',
+    )
+    parser.add_argument('name', nargs='*', default=['voxel_0_0'], help='voxel_<x>_<y>')
+    names = parser.parse_args(remove_ros_args([sys.argv[0], *argv])[1:]).name
+    return run_nodes(lambda: [VoxelNode(name) for name in names], argv)
