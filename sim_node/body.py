@@ -153,10 +153,11 @@ def _springs(corners: list[pymunk.Body], material: Material) -> list[pymunk.Damp
     omega = 2.0 * math.pi * material.frequency
     springs = []
     for a, b, end_a, end_b, kind in _SPRING_ENDS:
-        anchors = [tuple(c * material.mass_side / 2 for c in end) for end in (end_a, end_b)]
-        m_eff = _effective_mass(corners[a], corners[b], *anchors)
+        half = material.mass_side / 2
+        at_a, at_b = (end_a[0] * half, end_a[1] * half), (end_b[0] * half, end_b[1] * half)
+        m_eff = _effective_mass(corners[a], corners[b], at_a, at_b)
         spring = pymunk.DampedSpring(
-            corners[a], corners[b], *anchors,
+            corners[a], corners[b], at_a, at_b,
             rest_length=rest[kind],
             stiffness=m_eff * omega**2,
             damping=2.0 * m_eff * material.damping_ratio * omega,

@@ -6,6 +6,7 @@ import os
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numba
 from numba.core import config
@@ -33,12 +34,12 @@ def _cache_folder() -> str:
 
 def _cached(decorate: Callable) -> Callable:
     with _lock:
-        before = config.CACHE_DIR
-        config.CACHE_DIR = before or _cache_folder()
+        before = vars(config)['CACHE_DIR']
+        vars(config)['CACHE_DIR'] = before or _cache_folder()
         try:
             return decorate()
         finally:
-            config.CACHE_DIR = before
+            vars(config)['CACHE_DIR'] = before
 
 
 def compiled(function: Callable) -> Callable:
@@ -50,6 +51,6 @@ def compiled(function: Callable) -> Callable:
     return _cached(lambda: numba.njit(function, cache=True, error_model='numpy'))
 
 
-def compiled_callback(signature: object) -> Callable:
+def compiled_callback(signature: Any) -> Callable:
     """Compile a function that C code can call; its `address` is the function pointer."""
     return lambda function: _cached(lambda: numba.cfunc(signature, cache=True)(function))

@@ -1,5 +1,7 @@
 """The one exception that says a person's input cannot be used."""
 
+import difflib
+
 
 class InvalidInput(ValueError):
     """Input from outside (a name, a file, a parameter) that cannot be used.
@@ -27,7 +29,5 @@ class InvalidInput(ValueError):
 
 def near_miss(name: str, known: 'list[str] | tuple[str, ...]') -> str:
     """Return ", did you mean ...?" when `name` almost is one of `known`, else an empty text."""
-    import difflib
-
     close = difflib.get_close_matches(name, known, n=1)
     return f" (did you mean '{close[0]}'?)" if close else ''

@@ -11,7 +11,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from sim_node.errors import InvalidInput
 from sim_node.sensors import SENSORS
-from sim_node.simulation import CONTROL_RATE
+from sim_node.stamps import step_of_stamp
 from sim_node.wire import WireFormat
 
 WORLD_FRAME = 'world'
@@ -37,20 +37,6 @@ def stream_qos(depth: int = _HISTORY) -> QoSProfile:
         reliability=ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.TRANSIENT_LOCAL,
     )
-
-
-def stamp_of_step(step: int) -> tuple[int, int]:
-    """Return (sec, nanosec) of control step `step`, k/60 s rounded down to a nanosecond."""
-    sec, rest = divmod(step, CONTROL_RATE)
-    return sec, rest * 10**9 // CONTROL_RATE
-
-
-def step_of_stamp(sec: int, nanosec: int) -> int:
-    """Return the control step of a stamp; InvalidInput if the stamp is not one of a step."""
-    step = sec * CONTROL_RATE + (nanosec * CONTROL_RATE + 10**9 - 1) // 10**9
-    if sec < 0 or stamp_of_step(step) != (sec, nanosec):
-        raise InvalidInput('stamp', (sec, nanosec), f'a multiple of 1/{CONTROL_RATE} s')
-    return step
 
 
 def _joint_state_format(frame: str, names: list[str]) -> WireFormat:

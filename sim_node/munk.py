@@ -1,5 +1,7 @@
 """The few C functions of Munk2D, pymunk's engine, that compiled code calls without Python."""
 
+from typing import Any
+
 import llvmlite.binding as llvm
 import numpy as np
 from numba import carray, types
@@ -8,7 +10,8 @@ from pymunk.batch import BodyFields
 
 from sim_node.compiled import compiled_callback
 
-_HANDLE = types.uintp
+_HANDLE: Any = types.uintp
+_VOID: Any = types.void
 
 
 def _function(name: str, result: types.Type, *arguments: types.Type) -> types.ExternalFunction:
@@ -38,7 +41,7 @@ def handle(pointer: object) -> int:
     return int(ffi.cast('uintptr_t', pointer))
 
 
-@compiled_callback(types.void(_HANDLE, _HANDLE, types.CPointer(_HANDLE)))
+@compiled_callback(_VOID(_HANDLE, _HANDLE, types.CPointer(_HANDLE)))
 def _note_contact(body, arbiter, data):
     """Set data[1] if one of the arbiter's two bodies is data[0]; data[2:4] is scratch space."""
     cells = carray(data, 4)

@@ -23,6 +23,7 @@ from sim_node.material import Material
 from sim_node.morphology import parse_morphology
 from sim_node.ros import RosNode, run_nodes
 from sim_node.simulation import CONTROL_RATE, Diverged, Simulation, Solver
+from sim_node.stamps import stamp_of_step
 
 _MARKER_PERIOD = 2  # control steps: 30 Hz of simulated time
 _FAILED = 1
@@ -93,26 +94,26 @@ class SimNode(RosNode):
 
     def _make_topics(self) -> None:
         qos = interface.stream_qos()
-        self._clock = self.create_publisher(Clock, '/clock', qos)
+        self._clock_out = self.create_publisher(Clock, '/clock', qos)
         self._clock_wire = interface.clock_format()
-        self._odometry = self.create_publisher(Odometry, 'odometry', qos)
+        self._odometry_out = self.create_publisher(Odometry, 'odometry', qos)
         self._odometry_wire = interface.odometry_format(self.simulation.morphology.name)
-        self._markers = self.create_publisher(MarkerArray, 'markers', qos)
+        self._markers_out = self.create_publisher(MarkerArray, 'markers', qos)
         self._robot_markers = interface.RobotMarkers(len(self._voxels))
-        self._sensors = []
+        self._sensors_out = []
         self._actuation_wires = []
         for i, voxel in enumerate(self._voxels):
             publisher = self.create_publisher(
                 JointState, f'{voxel}/{interface.SENSORS_TOPIC}', qos
             )
-            self._sensors.append((publisher, interface.sensors_format(voxel)))
+            self._sensors_out.append((publisher, interface.sensors_format(voxel)))
             self._actuation_wires.append(interface.actuation_format(voxel))
             self.create_subscription(
                 JointState, f'{voxel}/{interface.ACTUATION_TOPIC}',
                 partial(self._on_actuation, i), interface.stream_qos(interface.QUEUE), raw=True,
             )
         terrain = self.simulation.terrain
-        self._markers.publish(interface.ground_markers(terrain.x, terrain.y))
+        self._markers_out.publish(interface.ground_markers(terrain.x, terrain.y))
 
     def _make_services(self) -> None:
         self.create_service(Trigger, 'reset', self._serve_reset)
@@ -131,9 +132,9 @@ class SimNode(RosNode):
         self._answered = np.zeros(len(self._voxels), dtype=bool)
         self._actuation = np.zeros(len(self._voxels))
         self._waiting_since = time.monotonic()
-        stamp = interface.stamp_of_step(simulation.step_count)
-        self._clock.publish(self._clock_wire.encode(stamp))
-        self._odometry.publish(
+        stamp = stamp_of_step(simulation.step_count)
+        self._clock_out.publish(self._clock_wire.encode(stamp))
+        self._odometry_out.publish(
             self._odometry_wire.encode(
                 stamp,
                 position=interface.upright(simulation.center),
@@ -142,13 +143,13 @@ class SimNode(RosNode):
         )
         if simulation.step_count % _MARKER_PERIOD == 0:
             world = simulation.world
-            self._markers.publish(
+            self._markers_out.publish(
                 self._robot_markers.encode(world.corners, world.area_ratios)
             )
         if self._duration and simulation.step_count >= self._duration * CONTROL_RATE:
             self._finish()
             return
-        for (publisher, wire), readings in zip(self._sensors, self._readings, strict=True):
+        for (publisher, wire), readings in zip(self._sensors_out, self._readings, strict=True):
             publisher.publish(wire.encode(stamp, position=readings))
 
     def _on_actuation(self, i: int, data: bytes) -> None:
@@ -172,12 +173,8 @@ class SimNode(RosNode):
         self._advance_if_ready()
 
     def _advance_if_ready(self) -> None:
-        ready = self._answered.all() or (
-            self._silent and all(
-                done or voxel in self._silent
-                for done, voxel in zip(self._answered, self._voxels, strict=True)
-            )
-        )
+        answers = zip(self._answered, self._voxels, strict=True)
+        ready = all(done or voxel in self._silent for done, voxel in answers)
         if not ready or self.exit_code is not None:
             return
         if self._paused and not self._to_make:
@@ -221,7 +218,8 @@ class SimNode(RosNode):
 
     def close(self) -> None:
         """Let readers have what was published before the publishers vanish."""
-        publishers = [self._odometry, self._markers, self._clock, *(p for p, _ in self._sensors)]
+        publishers = [self._odometry_out, self._markers_out, self._clock_out]
+        publishers += [publisher for publisher, _ in self._sensors_out]
         for publisher in publishers:
             if publisher.get_subscription_count():
                 publisher.wait_for_all_acked(Duration(seconds=2.0))

@@ -1,8 +1,8 @@
 """(ROS) What every node of the project shares: parameters, executor, diagnostics, clean exit."""
 
-import contextlib
 import signal
 import sys
+import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -14,12 +14,21 @@ from rclpy.exceptions import (
     InvalidParameterValueException,
     ParameterUninitializedException,
 )
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 
 from sim_node.errors import InvalidInput, near_miss
 
+try:
+    from rclpy.experimental import EventsExecutor
+except ImportError:  # an older rclpy
+    EventsExecutor = None
+
 BAD_INPUT = 2
+
+_STOP_LATENCY = 0.1  # seconds between looks at whether to stop
+_DRAIN_LIMIT = 3.0
 
 _ALLOWED_UNDECLARED = ('use_sim_time', 'start_type_description_service')
 
@@ -95,6 +104,10 @@ class RosNode(Node):
         self.count('refused messages')
         self.get_logger().warning(f'{topic}: refused: {error}', throttle_duration_sec=1.0)
 
+    def draining(self) -> bool:
+        """Tell, once the end was asked for, whether messages are still to be taken."""
+        return False
+
     def close(self) -> None:
         """Finish what the node has begun, before it is destroyed; nodes override it."""
 
@@ -115,11 +128,19 @@ class RosNode(Node):
 
 def new_executor() -> Any:
     """Return the fastest executor that this rclpy has."""
-    try:
-        from rclpy.experimental import EventsExecutor
-    except ImportError:
-        return SingleThreadedExecutor()
-    return EventsExecutor()
+    return (EventsExecutor or SingleThreadedExecutor)()
+
+
+class _Stop:
+    """Notes Ctrl-C and SIGTERM, so that nodes can end with their context still valid."""
+
+    def __init__(self) -> None:
+        self.requested = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._note)
+
+    def _note(self, number: int, frame: object) -> None:
+        self.requested = True
 
 
 def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> int:
@@ -129,43 +150,35 @@ def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> i
         make_nodes: makes the nodes; may raise InvalidInput.
         argv: command line after the program's name, with --ros-args.
     """
+    stop = _Stop()
     nodes: Sequence[RosNode] = ()
-    executor = None
     try:
-        try:
-            rclpy.init(args=[sys.argv[0], *argv])
-            nodes = make_nodes()
-        except InvalidInput as error:
-            print(f'error: {error}', file=sys.stderr)
-            return BAD_INPUT
-        except (rclpy.exceptions.ROSInterruptException, KeyboardInterrupt):
-            return 0
-        except Exception as error:
-            if not _is_bad_arguments(error):
-                raise
-            reason = ' '.join(str(error).split())
-            print(f'error: ROS arguments: {reason}', file=sys.stderr)
-            return BAD_INPUT
-        executor = new_executor()
-        for node in nodes:
-            executor.add_node(node)
-        while rclpy.ok() and all(node.exit_code is None for node in nodes):
-            executor.spin_once(0.2)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        # A second signal while things are taken down must not leave a traceback.
-        for number in (signal.SIGINT, signal.SIGTERM):
-            with contextlib.suppress(ValueError):
-                signal.signal(number, signal.SIG_IGN)
-        codes = [node.exit_code or 0 for node in nodes]
-        for node in nodes:
-            node.close()
-        if executor is not None:
-            executor.shutdown()
-        for node in nodes:
-            node.destroy_node()
-        rclpy.try_shutdown()
+        rclpy.init(args=[sys.argv[0], *argv], signal_handler_options=SignalHandlerOptions.NO)
+        nodes = make_nodes()
+    except InvalidInput as error:
+        print(f'error: {error}', file=sys.stderr)
+        return BAD_INPUT
+    except Exception as error:
+        if not _is_bad_arguments(error):
+            raise
+        reason = ' '.join(str(error).split())
+        print(f'error: ROS arguments: {reason}', file=sys.stderr)
+        return BAD_INPUT
+    executor = new_executor()
+    for node in nodes:
+        executor.add_node(node)
+    while not stop.requested and all(node.exit_code is None for node in nodes):
+        executor.spin_once(_STOP_LATENCY)
+    deadline = time.monotonic() + _DRAIN_LIMIT
+    while any(node.draining() for node in nodes) and time.monotonic() < deadline:
+        executor.spin_once(_STOP_LATENCY)
+    for node in nodes:
+        node.close()
+    executor.shutdown()
+    codes = [node.exit_code or 0 for node in nodes]
+    for node in nodes:
+        node.destroy_node()
+    rclpy.try_shutdown()
     return max(codes, default=0)
 
 

@@ -6,6 +6,7 @@ import sys
 
 from sim_node.errors import InvalidInput, near_miss
 from snca_ros import __version__
+from snca_ros.nodes.lifeline import end_with_parent
 
 COMMANDS = {
     'walk': ('snca_ros.nodes.walk', 'let a trained robot walk: all its nodes, a bag, a report'),
@@ -37,6 +38,7 @@ def main(argv: list[str] | None = None) -> int:
         return 0
     try:
         if name in NODES:
+            end_with_parent()
             return importlib.import_module(NODES[name][0]).main(argv[1:])
         if name not in COMMANDS:
             known = [*COMMANDS, *NODES]

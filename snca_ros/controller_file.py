@@ -5,6 +5,7 @@ import zipfile
 from dataclasses import asdict, dataclass, field
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -77,8 +78,10 @@ def save_controller(path: Path | str, trained: TrainedController) -> None:
         'evaluations': int(trained.evaluations),
         'versions': trained.versions or package_versions(),
     }
-    arrays = {'header': np.array(json.dumps(header)), 'theta': trained.theta}
-    write_atomically(Path(path), lambda file: np.savez_compressed(file, **arrays))
+    text = np.array(json.dumps(header))
+    write_atomically(
+        Path(path), lambda file: np.savez_compressed(file, header=text, theta=trained.theta)
+    )
 
 
 def load_controller(path: Path | str) -> TrainedController:
@@ -122,7 +125,7 @@ def _read(path: Path) -> tuple[dict, np.ndarray]:
     return header, theta
 
 
-def _field(header: dict, name: str, kinds: type | tuple[type, ...]) -> object:
+def _field(header: dict, name: str, kinds: type | tuple[type, ...]) -> Any:
     value = header.get(name)
     if not isinstance(value, kinds) or isinstance(value, bool):
         names = kinds.__name__ if isinstance(kinds, type) else ' or '.join(

@@ -40,8 +40,8 @@ class Architecture:
     uniform: bool
     directional: bool
     neuron_model: str
-    n_c: int | None = None
-    hidden: tuple[int, ...] | None = None
+    n_c: int = None  # type: ignore[assignment]  # filled in below
+    hidden: tuple[int, ...] = None  # type: ignore[assignment]
     as_printed: bool = False
 
     def __post_init__(self) -> None:

@@ -97,7 +97,7 @@ class RunFolder:
     def save(self, progress: Progress) -> None:
         """Replace the checkpoint, then history.csv and best.npz."""
         arrays = {**progress.strategy, 'history': np.array(progress.history)}
-        write_atomically(self.path / 'checkpoint.npz', lambda file: np.savez(file, **arrays))
+        write_atomically(self.path / 'checkpoint.npz', lambda file: np.savez(file, **arrays))  # type: ignore[arg-type]
         self._write_views(progress)
 
     def _write_views(self, progress: Progress) -> None:

@@ -3,6 +3,7 @@
 import math
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -48,14 +49,12 @@ class RunConfig:
     def __post_init__(self) -> None:
         parse_morphology(self.shape)
         parse_terrain(self.terrain)
-        for name, low, high in (
-            ('evaluations', 1, 10**9), ('seed', 0, 2**63 - 1), ('population', 4, 100_000)
-        ):
-            _check(name, getattr(self, name), int, low, high)
-        for name, low, high in (
-            ('sigma', 0.0, 100.0), ('duration', 0.1, 3600.0), ('transient', 0.0, self.duration)
-        ):
-            _check(name, getattr(self, name), (int, float), low, high)
+        _check('evaluations', self.evaluations, int, 1, 10**9)
+        _check('seed', self.seed, int, 0, 2**63 - 1)
+        _check('population', self.population, int, 4, 100_000)
+        _check('sigma', self.sigma, (int, float), 0.0, 100.0)
+        _check('duration', self.duration, (int, float), 0.1, 3600.0)
+        _check('transient', self.transient, (int, float), 0.0, self.duration)
 
     def simulation(self) -> Simulation:
         """Return the simulation of an episode."""
@@ -110,7 +109,7 @@ class RunConfig:
         return cls(**{**values, **parts})
 
 
-def _check(name: str, value: object, kinds: type | tuple, low: float, high: float) -> None:
+def _check(name: str, value: Any, kinds: type | tuple, low: float, high: float) -> None:
     is_kind = isinstance(value, kinds) and not isinstance(value, bool)
     if not is_kind or not math.isfinite(value) or not low <= value <= high:
         kind = 'an integer' if kinds is int else 'a number'

@@ -4,7 +4,7 @@ import numpy as np
 from sensor_msgs.msg import Image
 
 from sim_node.errors import InvalidInput
-from sim_node.interface import step_of_stamp
+from sim_node.stamps import step_of_stamp
 from sim_node.wire import WireFormat
 from snca_ros.cell.nca import Architecture
 

@@ -19,6 +19,7 @@ from sim_node import interface
 from sim_node.errors import InvalidInput
 from sim_node.morphology import DIRECTIONS, OPPOSITE
 from sim_node.ros import RosNode, run_nodes
+from sim_node.stamps import stamp_of_step
 from snca_ros.cell.nca import Cells
 from snca_ros.controller import weights_of
 from snca_ros.controller_file import load_controller
@@ -160,7 +161,7 @@ class VoxelNode(RosNode):
                 del box[old]
 
     def _publish_step(self) -> None:
-        stamp = interface.stamp_of_step(self._step)
+        stamp = stamp_of_step(self._step)
         a = self._cells.step_cell(0, self._readings, self._inbox, self._step)
         self._readings = None
         self._messages_out.publish(self._messages.encode(stamp, self._cells.outbox[0]))

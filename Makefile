@@ -1,0 +1,36 @@
+# snca_ros. `make help` lists the targets; `make walk` is where to start.
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+READY  := $(VENV)/.ready
+
+.DEFAULT_GOAL := help
+.PHONY: help setup walk test lint unit clean
+
+help:  ## list the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+setup: $(READY)  ## make .venv with ROS 2 Jazzy and everything else, from PyPI
+
+$(READY): setup.py
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
+	  || { echo 'Python 3.10 or newer is needed: make PYTHON=python3.12 ...'; exit 1; }
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) \
+	  || { echo 'cannot make a virtual environment (Debian, Ubuntu: apt install python3-venv)'; exit 1; }
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[ros,test]'
+	@touch $@
+
+walk: $(READY)  ## the trained biped walks 30 s, ten voxels in ten processes, recorded
+	$(BIN)/snca walk
+
+test: lint unit  ## everything that a change must pass
+
+lint: $(READY)  ## style and types
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+unit: $(READY)  ## the tests: unit tests, then graphs of real processes
+	$(BIN)/python -m pytest
+
+clean:  ## remove what the targets made, but neither runs nor bags
+	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

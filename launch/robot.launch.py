@@ -1,0 +1,56 @@
+"""Bring up one robot: its simulation, its voxels, each a process, and a recorder.
+
+ros2 launch snca_ros robot.launch.py controller:=FILE.npz bag:=walk.bag voxels_per_process:=1
+"""
+
+import tempfile
+from pathlib import Path
+
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+from launch import LaunchDescription
+from snca_ros.controller_file import load_controller
+from snca_ros.nodes.box import DEFAULT_CONTROLLER, find_controller
+from snca_ros.nodes.bringup import WalkOptions, describe_graph
+
+ARGUMENTS = {
+    'controller': (DEFAULT_CONTROLLER, 'controller file, or the name of one in the box'),
+    'robot': ('', 'namespace; default: the shape'),
+    'terrain': ('', 'default: the terrain of the controller file'),
+    'duration': ('30.0', 'simulated seconds; 0: until stopped'),
+    'voxels_per_process': ('1', 'voxel nodes per process'),
+    'bag': ('', 'bag to write; empty: none'),
+    'storage': ('mcap', 'mcap | sqlite3'),
+}
+
+
+def _nodes(context):
+    """Turn the description of the graph into launch actions."""
+    value = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
+    path = find_controller(value['controller'])
+    options = WalkOptions(
+        value['robot'], value['terrain'], float(value['duration']),
+        int(value['voxels_per_process']), value['bag'], value['storage'],
+    )
+    graph = describe_graph(path, load_controller(path), options)
+    params = Path(tempfile.mkdtemp(prefix='snca_ros_')) / 'params.yaml'
+    params.write_text(graph.parameters_yaml())
+    return [
+        Node(
+            package='snca_ros', executable=process.executable, namespace=f'/{graph.robot}',
+            arguments=list(process.names), parameters=[str(params)], output='screen',
+            on_exit=Shutdown() if process is graph.simulation else None,
+        )
+        for process in graph.processes
+    ]
+
+
+def generate_launch_description():
+    """Return the launch description."""
+    declared = [
+        DeclareLaunchArgument(name, default_value=default, description=text)
+        for name, (default, text) in ARGUMENTS.items()
+    ]
+    return LaunchDescription([*declared, OpaqueFunction(function=_nodes)])

@@ -1,0 +1,60 @@
+"""Installs snca_ros for `pip install .` and for `colcon build` alike."""
+
+import re
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+PACKAGE = 'snca_ros'
+EXECUTABLES = ('sim_node', 'voxel_node', 'recorder_node', 'evolve', 'walk', 'report', 'render')
+
+ROS = ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces']
+TEST = ['pytest', 'hypothesis', 'ruff', 'mypy', 'types-PyYAML']
+
+
+def launchers() -> list[str]:
+    """Write the programs that `ros2 run` finds in lib/snca_ros, one per executable."""
+    folder = Path('build') / 'launchers'
+    folder.mkdir(parents=True, exist_ok=True)
+    text = Path('scripts/launcher.sh').read_text()
+    for name in EXECUTABLES:
+        (folder / name).write_text(text)
+        (folder / name).chmod(0o755)
+    return [str(folder / name) for name in EXECUTABLES]
+
+
+def shared(folder: str) -> list[tuple[str, list[str]]]:
+    """Return the data files of a folder and its sub-folders, for share/snca_ros."""
+    files: dict[str, list[str]] = {}
+    for path in sorted(p for p in Path(folder).rglob('*') if p.is_file()):
+        files.setdefault(f'share/{PACKAGE}/{path.parent}', []).append(str(path))
+    return list(files.items())
+
+
+setup(
+    name=PACKAGE,
+    version=re.search(r"__version__ = '(.+)'", Path('snca_ros/__init__.py').read_text())[1],
+    description='Modular soft robots with embodied spiking neural cellular automata, on ROS 2',
+    long_description=Path('README.md').read_text(),
+    long_description_content_type='text/markdown',
+    author='The snca_ros developers',
+    maintainer='The snca_ros developers',
+    maintainer_email='maintainers@snca-ros.example',
+    license='Apache-2.0',
+    packages=find_packages(include=['sim_node', 'sim_node.*', 'snca_ros', 'snca_ros.*']),
+    package_data={'sim_node': ['py.typed'], 'snca_ros': ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
+        (f'share/{PACKAGE}', ['package.xml']),
+        (f'lib/{PACKAGE}', launchers()),
+        *shared('launch'),
+        *shared('config'),
+    ],
+    python_requires='>=3.10',
+    install_requires=[
+        'numpy', 'numba', 'pymunk>=7,<8', 'rosbags>=0.11', 'pyyaml', 'matplotlib', 'pillow',
+    ],
+    extras_require={'ros': ROS, 'test': TEST},
+    entry_points={'console_scripts': ['snca = snca_ros.cli:main']},
+    zip_safe=False,
+)

@@ -1,0 +1,18 @@
+"""Control steps as time stamps and back: exact, in integers."""
+
+from sim_node.errors import InvalidInput
+from sim_node.simulation import CONTROL_RATE
+
+
+def stamp_of_step(step: int) -> tuple[int, int]:
+    """Return (sec, nanosec) of control step `step`, k/60 s rounded down to a nanosecond."""
+    sec, rest = divmod(step, CONTROL_RATE)
+    return sec, rest * 10**9 // CONTROL_RATE
+
+
+def step_of_stamp(sec: int, nanosec: int) -> int:
+    """Return the control step of a stamp; InvalidInput if the stamp is not one of a step."""
+    step = sec * CONTROL_RATE + (nanosec * CONTROL_RATE + 10**9 - 1) // 10**9
+    if sec < 0 or stamp_of_step(step) != (sec, nanosec):
+        raise InvalidInput('stamp', (sec, nanosec), f'a multiple of 1/{CONTROL_RATE} s')
+    return step

@@ -1,0 +1,141 @@
+"""The graph of one robot as processes: the one description behind `walk` and `ros2 launch`.
+
+Nothing in here imports ROS.
+"""
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import yaml
+
+from sim_node.errors import InvalidInput
+from sim_node.morphology import DIRECTIONS, Morphology
+from snca_ros.controller_file import TrainedController
+
+PACKAGE = 'snca_ros'
+
+
+@dataclass(frozen=True, eq=False)
+class NodeProcess:
+    """One process of the graph.
+
+    Attributes:
+        executable: as `ros2 run snca_ros <executable>`.
+        names: arguments before --ros-args; the names of the nodes of a voxel process.
+        parameters: node name to its parameters.
+    """
+
+    executable: str
+    parameters: dict[str, dict[str, object]]
+    names: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Graph:
+    """All processes of one robot in the namespace /<robot>.
+
+    Attributes:
+        robot: the namespace.
+        simulation, voxels, recorder: its processes; recorder None if nothing is recorded.
+    """
+
+    robot: str
+    simulation: NodeProcess
+    voxels: tuple[NodeProcess, ...]
+    recorder: NodeProcess | None = None
+
+    @property
+    def processes(self) -> tuple[NodeProcess, ...]:
+        """Return all processes in the order in which they should be started."""
+        first = (self.recorder,) if self.recorder else ()
+        return (*first, self.simulation, *self.voxels)
+
+    def parameters_yaml(self) -> str:
+        """Return the params file (--params-file) of all nodes."""
+        nodes = {}
+        for process in self.processes:
+            for name, values in process.parameters.items():
+                nodes[f'/{self.robot}/{name}'] = {'ros__parameters': values}
+        return yaml.safe_dump(nodes, sort_keys=False)
+
+
+@dataclass(frozen=True)
+class WalkOptions:
+    """What a person chooses about a walk; see the help of `snca walk`."""
+
+    robot: str = ''
+    terrain: str = ''
+    duration: float = 30.0
+    voxels_per_process: int = 1
+    bag: str = ''
+    storage: str = 'mcap'
+    simulation: dict[str, object] = field(default_factory=dict)
+
+
+def describe_graph(
+    controller: Path, trained: TrainedController, options: WalkOptions
+) -> Graph:
+    """Return the processes that let the robot of a controller file walk.
+
+    Raises:
+        InvalidInput: an option is off.
+    """
+    morphology = trained.morphology
+    k = options.voxels_per_process
+    if not 1 <= k <= 1000:
+        raise InvalidInput('voxels_per_process', k, 'a number from 1 to 1000')
+    robot = options.robot or robot_name(morphology)
+    if not (robot.isascii() and robot.isidentifier()):
+        raise InvalidInput('robot', robot, 'letters, digits and _, not starting with a digit')
+    names = morphology.voxel_names
+    groups = [names[i : i + k] for i in range(0, len(names), k)]
+    recorder = None
+    if options.bag:
+        bag: dict[str, object] = {
+            'bag': os.path.abspath(options.bag), 'storage': options.storage
+        }
+        recorder = NodeProcess('recorder_node', {'recorder_node': bag})
+    return Graph(
+        robot,
+        NodeProcess('sim_node', {'sim_node': _simulation_parameters(trained, options)}),
+        tuple(
+            NodeProcess(
+                'voxel_node',
+                {name: _voxel_parameters(name, morphology, controller) for name in group},
+                group,
+            )
+            for group in groups
+        ),
+        recorder,
+    )
+
+
+def _simulation_parameters(
+    trained: TrainedController, options: WalkOptions
+) -> dict[str, object]:
+    return {
+        'morphology': trained.morphology.grid_string,
+        'terrain': options.terrain or trained.terrain,
+        'duration': float(options.duration),
+        **{f'material.{k}': v for k, v in vars(trained.material).items()},
+        **{f'solver.{k}': v for k, v in vars(trained.solver).items()},
+        **options.simulation,
+    }
+
+
+def _voxel_parameters(
+    name: str, morphology: Morphology, controller: Path
+) -> dict[str, object]:
+    row = morphology.neighbors[morphology.index_of(name)]
+    neighbors = {
+        f'neighbor.{d}': morphology.voxel_names[j]
+        for d, j in zip(DIRECTIONS, row, strict=True) if j >= 0
+    }
+    return {'controller': os.path.abspath(controller), **neighbors}
+
+
+def robot_name(morphology: Morphology) -> str:
+    """Return the namespace that a robot of this shape gets if nobody names one."""
+    text = ''.join(c if c.isascii() and c.isalnum() else '_' for c in morphology.name)
+    return text if text[:1].isalpha() else f'robot_{text}'

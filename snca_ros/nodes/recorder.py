@@ -1,0 +1,165 @@
+"""(ROS) The recorder node: writes every message of the robot's graph into a rosbag2 bag."""
+
+import importlib
+import time
+from datetime import datetime
+from functools import partial
+from pathlib import Path
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+from rosbags.interfaces import (
+    Connection,
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
+from rosbags.typesys import Stores, get_typestore
+
+from sim_node.errors import InvalidInput
+from sim_node.ros import RosNode, run_nodes
+
+STORAGES = {'mcap': StoragePlugin.MCAP, 'sqlite3': StoragePlugin.SQLITE3}
+GLOBAL_TOPICS = ('/clock', '/diagnostics', '/rosout')
+
+_QUEUE = 20_000  # messages of one topic that may wait while the disk is slow
+_LOOK_PERIOD = 0.1  # seconds between looks for new topics
+_QUIET = 0.3  # seconds without a message after which a stopped graph counts as drained
+_FAILED = 1
+
+
+class RecorderNode(RosNode):
+    """Records all topics of its namespace, and /clock, /diagnostics and /rosout, losslessly."""
+
+    def __init__(self) -> None:
+        super().__init__('recorder_node')
+        p = self.parameter
+        now = datetime.now().strftime('%Y%m%d-%H%M%S')
+        path = p('bag', f'bags/{now}', 'folder of the bag to write; must not exist')
+        storage = p('storage', 'mcap', 'storage of the bag: mcap | sqlite3')
+        self.check_unknown_parameters()
+        if storage not in STORAGES:
+            raise InvalidInput('storage', storage, ' or '.join(STORAGES), self._where())
+        self._types = get_typestore(Stores.ROS2_JAZZY)
+        self._topics: set[str] = set()
+        self._last_message = 0.0
+        self._writer = self._open(Path(path), STORAGES[storage])
+        self.create_timer(_LOOK_PERIOD, self._look_for_topics)
+        self._look_for_topics()
+
+    def _open(self, path: Path, storage: StoragePlugin) -> Writer:
+        writer = Writer(path, version=Writer.VERSION_LATEST, storage_plugin=storage)
+        try:
+            writer.open()
+        except WriterError:
+            raise InvalidInput('bag', str(path), 'a folder that does not exist yet') from None
+        except OSError as error:
+            raise InvalidInput(
+                'bag', f'{path}: {error.strerror}', 'a folder that can be written'
+            ) from None
+        self.get_logger().info(f'recording into {path}')
+        return writer
+
+    def _look_for_topics(self) -> None:
+        prefix = self.get_namespace().rstrip('/') + '/'
+        for topic, types in self.get_topic_names_and_types():
+            mine = topic.startswith(prefix) or topic in GLOBAL_TOPICS
+            if mine and topic not in self._topics:
+                self._record(topic, types[0])
+
+    def _record(self, topic: str, message_type: str) -> None:
+        publishers = self.get_publishers_info_by_topic(topic)
+        if not publishers:
+            return
+        self._topics.add(topic)
+        try:
+            message_class = _message_class(message_type)
+        except (ImportError, AttributeError, ValueError):
+            self.get_logger().error(f'{topic}: {message_type} is not installed: not recorded')
+            return
+        connection = self._writer.add_connection(
+            topic, message_type, typestore=self._types,
+            offered_qos_profiles=[_offered_qos(publisher) for publisher in publishers],
+        )
+        seen = [publisher.qos_profile for publisher in publishers]
+        reliable = all(q.reliability == ReliabilityPolicy.RELIABLE for q in seen)
+        latched = all(q.durability == DurabilityPolicy.TRANSIENT_LOCAL for q in seen)
+        qos = QoSProfile(
+            depth=_QUEUE,
+            reliability=(
+                ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+            ),
+            durability=(
+                DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+            ),
+        )
+        self.create_subscription(
+            message_class, topic, partial(self._write, connection), qos, raw=True
+        )
+
+    def _write(self, connection: Connection, data: bytes) -> None:
+        self._last_message = time.monotonic()
+        if self.exit_code is not None:
+            return
+        try:
+            self._writer.write(connection, time.time_ns(), data)
+        except Exception as error:
+            self.get_logger().error(f'{self._writer.path}: cannot be written: {error}')
+            self.exit_code = _FAILED
+            return
+        self.count('messages')
+
+    def draining(self) -> bool:
+        """Tell whether messages still arrive, so that none is left behind in the queues."""
+        return time.monotonic() - self._last_message < _QUIET
+
+    def close(self) -> None:
+        """Finish the bag."""
+        try:
+            self._writer.close()
+        except Exception as error:
+            self.get_logger().error(f'{self._writer.path}: cannot be finished: {error}')
+            self.exit_code = _FAILED
+            return
+        written = self.counters.get('messages', 0)
+        self.get_logger().info(f'{self._writer.path}: {written} messages')
+
+    def health(self) -> tuple[bytes, str]:
+        """Return the state for /diagnostics."""
+        return DiagnosticStatus.OK, f'recording {len(self._topics)} topics'
+
+
+def _message_class(name: str) -> type:
+    """Return the Python class of a message type such as 'sensor_msgs/msg/JointState'."""
+    package, kind, message = name.split('/')
+    return getattr(importlib.import_module(f'{package}.{kind}'), message)
+
+
+def _offered_qos(publisher: TopicEndpointInfo) -> Qos:
+    """Return a publisher's QoS in the words of rosbags."""
+    qos = publisher.qos_profile
+
+    def seconds(duration) -> QosTime:
+        return QosTime(*divmod(duration.nanoseconds, 10**9))
+
+    return Qos(
+        history=QosHistory[qos.history.name],
+        depth=qos.depth,
+        reliability=QosReliability[qos.reliability.name],
+        durability=QosDurability[qos.durability.name],
+        deadline=seconds(qos.deadline),
+        lifespan=seconds(qos.lifespan),
+        liveliness=QosLiveliness[qos.liveliness.name],
+        liveliness_lease_duration=seconds(qos.liveliness_lease_duration),
+        avoid_ros_namespace_conventions=qos.avoid_ros_namespace_conventions,
+    )
+
+
+def main(argv: list[str]) -> int:
+    """Run the recorder node; return the exit code."""
+    return run_nodes(lambda: [RecorderNode()], argv)

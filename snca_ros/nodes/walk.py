@@ -1,0 +1,152 @@
+"""(ROS) The `walk` command: brings a robot's graph up, watches it, takes it down, reports."""
+
+import argparse
+import os
+import signal
+import sys
+import time
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.signals import SignalHandlerOptions
+
+from sim_node.errors import InvalidInput
+from sim_node.morphology import parse_morphology
+from sim_node.simulation import CONTROL_RATE, Simulation
+from snca_ros.controller_file import TrainedController, load_controller
+from snca_ros.evolution.locomotion import run_episode
+from snca_ros.nodes.box import DEFAULT_CONTROLLER, find_controller
+from snca_ros.nodes.bringup import Graph, WalkOptions, describe_graph, robot_name
+from snca_ros.nodes.processes import RunningGraph
+from snca_ros.study import report
+from snca_ros.study.bag import read_bag
+
+INTERRUPTED = 130
+
+_DEFAULTS = {
+    # The graph is on this host; UDP leaves no shared memory behind when a process is killed.
+    'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+    'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line of `walk`."""
+    parser.add_argument('controller', nargs='?', default=DEFAULT_CONTROLLER,
+                        help='controller file, or the name of one in the box '
+                        f'(default {DEFAULT_CONTROLLER})')
+    parser.add_argument('--duration', type=float, default=30.0,
+                        help='simulated seconds to walk (default 30)')
+    parser.add_argument('--terrain', default='', help='default: the one it was evolved on')
+    parser.add_argument('--shape', help='refuse a controller of another shape than this')
+    parser.add_argument('--robot', default='', help='namespace (default: the shape)')
+    parser.add_argument('--voxels-per-process', type=int, default=1, metavar='K')
+    parser.add_argument('--bag', type=Path, help='bag to write (default bags/<robot>-<time>)')
+    parser.add_argument('--no-bag', action='store_true', help='record nothing')
+    parser.add_argument('--storage', default='mcap', choices=['mcap', 'sqlite3'])
+
+
+def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Walk as the command line says; return the exit code."""
+    path = find_controller(args.controller)
+    trained = load_controller(path)
+    if not 0.0 < args.duration <= 1e5:
+        raise InvalidInput('duration', args.duration, 'seconds from 0 to 100000')
+    _check_shape(path, trained, args.shape)
+    # Also checks all names and compiles the cells before ten processes need them.
+    offline = _offline_centers(trained, args.terrain or trained.terrain, args.duration)
+    robot = args.robot or robot_name(trained.morphology)
+    bag = args.bag or Path('bags') / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'
+    if bag.exists() and not args.no_bag:
+        raise InvalidInput('bag', str(bag), 'a folder that does not exist yet')
+    options = WalkOptions(
+        robot, args.terrain, args.duration, args.voxels_per_process,
+        bag='' if args.no_bag else str(bag), storage=args.storage,
+    )
+    code = _walk(describe_graph(path, trained, options), args.duration)
+    return code if code or args.no_bag else _report(bag, offline)
+
+
+def _check_shape(path: Path, trained: TrainedController, shape: str | None) -> None:
+    if shape is None:
+        return
+    if not parse_morphology(shape).same_shape(trained.morphology):
+        raise InvalidInput('morphology', trained.morphology.grid_string, shape, str(path))
+
+
+def _offline_centers(trained: TrainedController, terrain: str, duration: float) -> np.ndarray:
+    simulation = Simulation(
+        trained.morphology, terrain, material=trained.material, solver=trained.solver
+    )
+    return run_episode(simulation, trained.controller(), duration).centers
+
+
+def _walk(graph: Graph, duration: float) -> int:
+    """Run the graph until the simulation is done; return the exit code."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    started = time.monotonic()
+    n = sum(len(p.names) for p in graph.voxels)
+    print(
+        f'/{graph.robot}: {n} voxels in {len(graph.voxels)} processes, one simulation'
+        f'{", one recorder" if graph.recorder else ""}', file=sys.stderr,
+    )
+    environment = {k: os.environ.get(k, v) for k, v in _DEFAULTS.items()}
+    os.environ.update(environment)
+    try:
+        with RunningGraph(graph, environment) as running:
+            code = _watch(graph, running, duration)
+    except KeyboardInterrupt:
+        print('\nstopped', file=sys.stderr)
+        return INTERRUPTED
+    if code == 0:
+        print(f'walked {duration:g} s in {time.monotonic() - started:.1f} s, start included',
+              file=sys.stderr)
+    return code
+
+
+def _watch(graph: Graph, running: RunningGraph, duration: float) -> int:
+    """Wait for the simulation to end; show its progress from its own diagnostics."""
+    steps = [0]
+    name = f'/{graph.robot}/sim_node'
+
+    def note(message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == name:
+                counters = {v.key: v.value for v in status.values}
+                steps[0] = int(counters.get('steps', 0))
+
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = rclpy.create_node('walk', namespace=f'/{graph.robot}', enable_rosout=False)
+        node.create_subscription(DiagnosticArray, '/diagnostics', note, 10)
+        live = sys.stderr.isatty()
+        while running.exit_code(graph.simulation) is None:
+            rclpy.spin_once(node, timeout_sec=0.2)
+            if live:
+                print(f'\r{steps[0] / CONTROL_RATE:7.1f} of {duration:g} s', end='',
+                      file=sys.stderr, flush=True)
+            for process in running.ended():
+                if process is not graph.simulation:
+                    print(f'\n{process.executable} {" ".join(process.names)} ended with code '
+                          f'{running.exit_code(process)}', file=sys.stderr)
+                    return 1
+        if live:
+            print(f'\r{duration:7.1f} of {duration:g} s', file=sys.stderr)
+        node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
+    return 0 if running.exit_code(graph.simulation) == 0 else 1
+
+
+def _report(bag: Path, offline: np.ndarray) -> int:
+    report_parser = argparse.ArgumentParser(prog='snca report')
+    report.add_arguments(report_parser)
+    code = report.run(report_parser.parse_args([str(bag)]), report_parser)
+    centers = read_bag(bag).centers
+    same = centers.shape == offline.shape and np.array_equal(centers, offline)
+    verdict = 'bit for bit the same' if same else 'NOT THE SAME'
+    print(f'offline twin: {len(offline)} positions of the centre, {verdict}')
+    return code if same else 1
