@@ -10,6 +10,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from sim_node.errors import InvalidInput
+from sim_node.render import area_colors
 from sim_node.sensors import SENSORS
 from sim_node.stamps import step_of_stamp
 from sim_node.wire import WireFormat
@@ -56,7 +57,8 @@ def _joint_state_format(frame: str, names: list[str]) -> WireFormat:
         if received.header.frame_id != frame:
             raise InvalidInput('frame_id', received.header.frame_id, frame)
 
-    return WireFormat(message, {'position': numbers}, check=check)
+    empty = 2 * 4  # the lengths of velocity and effort
+    return WireFormat(message, {'position': numbers}, tail=empty, check=check)
 
 
 def sensors_format(voxel: str) -> WireFormat:
@@ -143,14 +145,6 @@ class RobotMarkers:
         return self._wire.encode(
             fill=points[:, _TRIANGLES], color=colors, line=points[:, _OUTLINE]
         )
-
-
-def area_colors(area_ratios: np.ndarray) -> np.ndarray:
-    """Return (n, 4) RGBA: red where contracted, yellow at rest, green where expanded."""
-    t = np.clip((np.asarray(area_ratios) - 0.75) / 0.5, 0.0, 1.0)[:, None]
-    red, yellow, green = np.array([[0.85, 0.2, 0.15], [0.95, 0.85, 0.3], [0.2, 0.65, 0.3]])
-    rgb = np.where(t < 0.5, red + (yellow - red) * 2 * t, yellow + (green - yellow) * (2 * t - 1))
-    return np.concatenate([rgb, np.ones_like(t)], axis=1)
 
 
 def ground_markers(x: np.ndarray, y: np.ndarray) -> MarkerArray:

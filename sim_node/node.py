@@ -48,6 +48,9 @@ class SimNode(RosNode):
         self._on_silence = p(
             'on_silence', 'stop', 'what to do about a silent voxel: stop | go_on'
         )
+        self._recorders = p(
+            'recorders', 0, 'recorders that must listen before step 0 is published', 0, 10
+        )
         self._paused = p('start_paused', False, 'wait for the service pause(false) or step')
         self.check_unknown_parameters()
         if self._on_silence not in ('stop', 'go_on'):
@@ -55,10 +58,14 @@ class SimNode(RosNode):
         self._voxels = self.simulation.morphology.voxel_names
         self._make_topics()
         self._make_services()
-        self.create_timer(0.25, self._watch)
         self._silent: set[str] = set()
-        self._spoken = False
-        self._begin()
+        self._waiting_since = time.monotonic()
+        self._answered = np.ones(len(self._voxels), dtype=bool)
+        self.create_timer(0.25, self._watch)
+        if self._recorders:
+            self._start_timer = self.create_timer(0.02, self._begin_if_recorded)
+        else:
+            self._begin()
 
     def _simulation_from_parameters(self) -> Simulation:
         p = self.parameter
@@ -120,6 +127,26 @@ class SimNode(RosNode):
         self.create_service(SetBool, 'pause', self._serve_pause)
         self.create_service(Trigger, 'step', self._serve_step)
 
+    def _begin_if_recorded(self) -> None:
+        """Begin as soon as every recorder listens to all that will be said."""
+        topics = [self._odometry_out.topic_name]
+        for voxel in self._voxels:
+            topics += [self.resolve_topic_name(f'{voxel}/{interface.ACTUATION_TOPIC}'),
+                       self.resolve_topic_name(f'{voxel}/{interface.SENSORS_TOPIC}')]
+        # Every voxel topic has a listener besides: the voxel, or this node.
+        needed = [self._recorders] + [self._recorders + 1] * (len(topics) - 1)
+        heard = [self.count_subscribers(topic) for topic in topics]
+        if all(have >= need for have, need in zip(heard, needed, strict=True)):
+            self._start_timer.cancel()
+            self._begin()
+        elif time.monotonic() - self._waiting_since > self._start_limit:
+            missing = [t for t, have, need in zip(topics, heard, needed, strict=True)
+                       if have < need]
+            self.get_logger().error(
+                f'within {self._start_limit:g} s too few nodes listen to: {", ".join(missing)}'
+            )
+            self.exit_code = _FAILED
+
     def _begin(self) -> None:
         """Put the robot down and publish step 0."""
         self._readings = self.simulation.reset()
@@ -180,7 +207,6 @@ class SimNode(RosNode):
         if self._paused and not self._to_make:
             return
         self._to_make = None if self._to_make is None else self._to_make - 1
-        self._spoken = True
         try:
             self._readings = self.simulation.step(self._actuation)
         except Diverged as error:
@@ -193,7 +219,9 @@ class SimNode(RosNode):
     def _watch(self) -> None:
         """Name the voxels that let everybody wait too long; stop or go on without them."""
         waited = time.monotonic() - self._waiting_since
-        limit = self._silence_limit if self._spoken else self._start_limit
+        # Until step 2 every voxel has not only to start but to find its neighbours.
+        started = self.simulation.step_count >= 2
+        limit = self._silence_limit if started else self._start_limit
         missing = [
             voxel for voxel, done in zip(self._voxels, self._answered, strict=True)
             if not done and voxel not in self._silent

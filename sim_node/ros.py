@@ -70,9 +70,10 @@ class RosNode(Node):
             expected = f'{type(default).__name__} from {low:g} to {high:g}: {text}'
         override = self._parameter_overrides.get(name)
         given = override.value if override is not None else None
-        if isinstance(default, float) and type(given) is int:
-            # In a params file "1" for a float is what a person means by 1.0.
-            self._parameter_overrides[name] = rclpy.Parameter(name, value=float(given))
+        if type(given) is int and isinstance(default, (float, str)):
+            # What looks like an integer to ROS may be meant as 1.0, or as the grid 11111.
+            value = type(default)(given)
+            self._parameter_overrides[name] = rclpy.Parameter(name, value=value)
         try:
             return self.declare_parameter(name, default, descriptor).value
         except (

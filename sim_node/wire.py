@@ -22,6 +22,8 @@ class WireFormat:
         message: an example; where it holds one of `numbers`, it holds exactly these values.
         numbers: arrays of distinct non-zero values, each standing once in the message; they give
             type, length and place of what `encode` writes and `decode` reads.
+        tail: bytes behind the last number, where rclpy reserves more than the message takes (it
+            does so for empty sequences); None to keep what rclpy gives.
         stamped: its first field is a header or a time, which `encode` writes too.
         check: called with a whole message that was not seen before; raises if its fixed parts
             are not acceptable.
@@ -31,6 +33,8 @@ class WireFormat:
         self,
         message: Any,
         numbers: dict[str, np.ndarray],
+        *,
+        tail: int | None = None,
         stamped: bool = True,
         check: Callable[[Any], None] = lambda message: None,
     ) -> None:
@@ -43,6 +47,8 @@ class WireFormat:
             if begin < 0 or data.find(needle, begin + 1) >= 0:
                 raise AssertionError(f'{self._type.__name__}: {name} must stand once')
             self._slots[name] = slice(begin, begin + len(needle)), values.dtype
+        if tail is not None:
+            del data[max(where.stop for where, _ in self._slots.values()) + tail :]
         self._data = data
         regions = [where for where, _ in self._slots.values()] + [_STAMP] * stamped
         regions.sort(key=lambda where: where.start)

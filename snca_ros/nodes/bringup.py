@@ -6,6 +6,7 @@ Nothing in here imports ROS.
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -70,7 +71,18 @@ class WalkOptions:
     voxels_per_process: int = 1
     bag: str = ''
     storage: str = 'mcap'
-    simulation: dict[str, object] = field(default_factory=dict)
+    simulation: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def patience(self) -> float:
+        """Return how long a voxel waits for a neighbour [s]; 0, for ever, unless runs go on.
+
+        Well below the simulation's own limit, so that a dead voxel does not take its neighbours
+        with it.
+        """
+        if self.simulation.get('on_silence') != 'go_on':
+            return 0.0
+        return float(self.simulation.get('silence_limit', 10.0)) / 4.0
 
 
 def describe_graph(
@@ -102,7 +114,8 @@ def describe_graph(
         tuple(
             NodeProcess(
                 'voxel_node',
-                {name: _voxel_parameters(name, morphology, controller) for name in group},
+                {name: _voxel_parameters(name, morphology, controller, options)
+                 for name in group},
                 group,
             )
             for group in groups
@@ -118,6 +131,7 @@ def _simulation_parameters(
         'morphology': trained.morphology.grid_string,
         'terrain': options.terrain or trained.terrain,
         'duration': float(options.duration),
+        'recorders': 1 if options.bag else 0,
         **{f'material.{k}': v for k, v in vars(trained.material).items()},
         **{f'solver.{k}': v for k, v in vars(trained.solver).items()},
         **options.simulation,
@@ -125,14 +139,16 @@ def _simulation_parameters(
 
 
 def _voxel_parameters(
-    name: str, morphology: Morphology, controller: Path
+    name: str, morphology: Morphology, controller: Path, options: WalkOptions
 ) -> dict[str, object]:
     row = morphology.neighbors[morphology.index_of(name)]
     neighbors = {
         f'neighbor.{d}': morphology.voxel_names[j]
         for d, j in zip(DIRECTIONS, row, strict=True) if j >= 0
     }
-    return {'controller': os.path.abspath(controller), **neighbors}
+    return {
+        'controller': os.path.abspath(controller), 'patience': options.patience, **neighbors
+    }
 
 
 def robot_name(morphology: Morphology) -> str:

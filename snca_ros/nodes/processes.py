@@ -69,6 +69,10 @@ class RunningGraph:
                 child.kill()
                 child.wait()
 
+    def wait(self, process: NodeProcess, timeout: float) -> int:
+        """Wait until a process ends and return its exit code; subprocess.TimeoutExpired."""
+        return self._children[process].wait(timeout)
+
     def exit_code(self, process: NodeProcess) -> int | None:
         """Return the exit code of a process, None while it runs."""
         return self._children[process].poll()

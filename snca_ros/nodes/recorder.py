@@ -53,8 +53,8 @@ class RecorderNode(RosNode):
         self._look_for_topics()
 
     def _open(self, path: Path, storage: StoragePlugin) -> Writer:
-        writer = Writer(path, version=Writer.VERSION_LATEST, storage_plugin=storage)
         try:
+            writer = Writer(path, version=Writer.VERSION_LATEST, storage_plugin=storage)
             writer.open()
         except WriterError:
             raise InvalidInput('bag', str(path), 'a folder that does not exist yet') from None

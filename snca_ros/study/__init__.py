@@ -1,0 +1,1 @@
+"""Studying recorded walks: bags, gaits, figures and reports; nothing in here needs ROS."""

@@ -1,0 +1,123 @@
+"""A recorded walk as one picture: where it went, how the voxels breathed, what the cells said."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+
+from sim_node.errors import InvalidInput
+from sim_node.simulation import CONTROL_RATE
+from snca_ros.files import write_atomically
+from snca_ros.study.bag import Recording
+from snca_ros.study.gait import area_ratios, spike_times
+
+WINDOW = 4.0
+"""What the lower panels show [s]: the end of the walk."""
+
+_BLUE, _GREY = '#0072B2', '0.55'
+_AREA_RANGE = 0.25
+
+
+def save_figure(recording: Recording, path: Path | str) -> None:
+    """Draw `recording` and write the picture to `path`; its suffix tells the format.
+
+    Raises:
+        InvalidInput: `path` has an unknown suffix or cannot be written.
+    """
+    path = Path(path)
+    figure = draw_recording(recording)
+    kinds = figure.canvas.get_supported_filetypes()
+    kind = path.suffix[1:].lower()
+    if kind not in kinds:
+        raise InvalidInput('figure', str(path), f'a name that ends in .{", .".join(kinds)}')
+    try:
+        write_atomically(path, lambda file: figure.savefig(file, format=kind, dpi=120))
+    except OSError as error:
+        raise InvalidInput('figure', f'{path}: {error.strerror}', 'a place to write') from None
+
+
+def draw_recording(recording: Recording) -> Figure:
+    """Return a figure of three panels: trajectory, area ratios, raster of messages.
+
+    The last two share their time axis, the end of the walk, so that single spikes can be seen.
+    """
+    n_rows = min(len(recording.voxel_names), 40)
+    figure = Figure(figsize=(10.0, 3.6 + 0.55 * n_rows), layout='constrained')
+    heights = [2.0, 0.6 + 0.2 * n_rows, 0.6 + 0.35 * n_rows]
+    trajectory, areas, messages = figure.subplots(3, 1, height_ratios=heights)
+    first = max(0, recording.n_steps - 1 - round(WINDOW * CONTROL_RATE))
+    _draw_trajectory(trajectory, recording)
+    _draw_areas(areas, recording, first)
+    _draw_messages(messages, recording, first)
+    for axes in (areas, messages):
+        axes.set_xlim(first / CONTROL_RATE, max(1, recording.n_steps - 1) / CONTROL_RATE)
+    areas.tick_params(labelbottom=False)
+    messages.set_xlabel('time [s]')
+    return figure
+
+
+def _draw_trajectory(axes: Axes, recording: Recording) -> None:
+    x, y = recording.centers.T
+    axes.plot(x, y, color=_BLUE, linewidth=1.0)
+    every = 5 * CONTROL_RATE * (1 + len(x) // (60 * CONTROL_RATE))
+    marks = np.arange(0, len(x), every)
+    axes.plot(x[marks], y[marks], 'o', color=_BLUE, markersize=4)
+    for k in marks:
+        if np.isfinite(x[k]):
+            axes.annotate(
+                f'{k // CONTROL_RATE} s', (x[k], y[k]), xytext=(3, 4),
+                textcoords='offset points', fontsize=8,
+            )
+    axes.margins(y=0.25)
+    axes.set(xlabel='x [m]', ylabel='height [m]')
+    axes.set_title(f'{recording.robot}: trajectory of the centre', loc='left')
+
+
+def _draw_areas(axes: Axes, recording: Recording, first: int) -> None:
+    ratios = area_ratios(recording.readings[first:])
+    image = _draw_rows(axes, ratios, first, 1.0 - _AREA_RANGE, 1.0 + _AREA_RANGE)
+    axes.figure.colorbar(image, ax=axes, label='area / area at rest', extend='both', pad=0.01)
+    axes.set_yticks(range(ratios.shape[1]), recording.voxel_names, fontsize=8)
+    axes.set_title('Area ratios of the voxels', loc='left')
+
+
+def _draw_messages(axes: Axes, recording: Recording, first: int) -> None:
+    """Draw spikes, or values where cells send values, from step `first` on."""
+    n_voxels, n_channels = len(recording.voxel_names), 1
+    title = 'No messages between voxels'
+    if recording.spikes is not None:
+        n_channels = recording.spikes.shape[2]
+        times, row = spike_times(recording.spikes[first:])
+        size = max(1.5, 130.0 / (n_voxels * n_channels))
+        axes.plot(
+            first / CONTROL_RATE + times, row, '|', color='black', rasterized=True,
+            markersize=size, markeredgewidth=0.6,
+        )
+        title = f'Spikes that the voxels send, {n_channels} channels each'
+    elif recording.values is not None:
+        n_channels = recording.values.shape[2]
+        values = recording.values[first:].reshape(-1, n_voxels * n_channels)
+        image = _draw_rows(axes, values, first, -1.0, 1.0)
+        axes.figure.colorbar(image, ax=axes, label='value', pad=0.01)
+        title = f'Values that the voxels send, {n_channels} channels each'
+    for edge in range(1, n_voxels):
+        axes.axhline(edge * n_channels - 0.5, color=_GREY, linewidth=0.5)
+    middles = n_channels * (np.arange(n_voxels) + 0.5) - 0.5
+    axes.set_yticks(middles, recording.voxel_names, fontsize=8)
+    axes.set_ylim(-0.5, n_voxels * n_channels - 0.5)
+    axes.set_title(title, loc='left')
+
+
+def _draw_rows(
+    axes: Axes, numbers: np.ndarray, first: int, low: float, high: float
+) -> AxesImage:
+    """Draw (n_steps, n_rows) numbers as rows of colours; grey where there is none."""
+    n_steps, n_rows = numbers.shape
+    axes.set_facecolor(_GREY)
+    return axes.imshow(
+        numbers.T, aspect='auto', origin='lower', cmap='PuOr', interpolation='nearest',
+        vmin=low, vmax=high,
+        extent=(first / CONTROL_RATE, (first + n_steps) / CONTROL_RATE, -0.5, n_rows - 0.5),
+    )

@@ -1,0 +1,137 @@
+"""The `report` command: what a bag tells about a walk, as text, figure and JSON."""
+
+import argparse
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+
+from sim_node.errors import InvalidInput
+from sim_node.simulation import CONTROL_RATE
+from snca_ros.evolution.locomotion import TRANSIENT
+from snca_ros.files import write_text
+from snca_ros.study.bag import Recording, TopicCount, read_bag
+from snca_ros.study.gait import Gait, measure_gait
+
+_SHOWN_STEPS = 5
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line of `report`."""
+    parser.add_argument('bag', type=Path, metavar='BAG', help='rosbag2 folder, MCAP or sqlite3')
+    parser.add_argument('--figure', type=Path, metavar='FILE',
+                        help='picture to draw, .png, .svg or .pdf (default BAG/report.png)')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the numbers here too')
+    parser.add_argument('--episode', type=int, default=-1, metavar='N',
+                        help='of a bag with resets, from 0 (default: the last)')
+
+
+def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Report as the command line says; return the exit code."""
+    from snca_ros.study.figures import save_figure  # matplotlib loads slowly
+
+    recording = read_bag(args.bag, args.episode)
+    gait = measure_gait(recording)
+    print('\n'.join([*_gait_lines(recording, gait), '', *_count_lines(recording)]), flush=True)
+    if args.json:
+        try:
+            write_text(args.json, json.dumps(as_dict(recording, gait), indent=2) + '\n')
+        except OSError as error:
+            shown = f'{args.json}: {error.strerror}'
+            raise InvalidInput('json', shown, 'a file that can be written') from None
+    figure = args.figure or args.bag / 'report.png'
+    save_figure(recording, figure)
+    print(f'\nfigure: {figure}')
+    return 0
+
+
+def as_dict(recording: Recording, gait: Gait) -> dict[str, object]:
+    """Return everything that a report tells, ready for JSON; what is unknown is None."""
+    rates = gait.firing_rates
+    return {
+        'bag': str(recording.path),
+        'closed': recording.closed,
+        'robot': recording.robot,
+        'episode': recording.episode,
+        'n_episodes': recording.n_episodes,
+        'v_x': _number(gait.velocity),
+        'distance': gait.distance,
+        'duration': gait.duration,
+        'frequency': gait.frequency,
+        'steps_per_second': _number(recording.rate),
+        'voxels': {
+            voxel: {
+                'firing_rate': None if rates is None else _number(rates[i]),
+                'frequency': float(gait.frequencies[i]),
+            }
+            for i, voxel in enumerate(recording.voxel_names)
+        },
+        'topics': {
+            count.topic: {
+                'sent': None if count.missing is None else count.sent,
+                'received': count.received,
+                'lost': None if count.missing is None else count.lost,
+            }
+            for count in recording.counts
+        },
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _gait_lines(recording: Recording, gait: Gait) -> list[str]:
+    lines = [
+        f'{recording.path}: {recording.robot}, {len(recording.voxel_names)} voxels, '
+        f'{recording.n_steps - 1} control steps'
+    ]
+    if not recording.closed:
+        lines.append('the recorder did not finish this bag: what it had written is read')
+    if recording.n_episodes > 1:
+        lines.append(f'episode {recording.episode} of 0 to {recording.n_episodes - 1} (resets)')
+    scored = f'after the first {TRANSIENT:g} s' if gait.duration > TRANSIENT else 'whole walk'
+    lines += [
+        f'v_x        {gait.velocity!r} m/s ({scored})',
+        f'distance   {gait.distance:.3f} m in {gait.duration:.3f} s',
+        f'rhythm     {gait.frequency:.2f} Hz, where the actuation of all voxels peaks',
+    ]
+    if math.isfinite(recording.rate):
+        factor = recording.rate / CONTROL_RATE
+        lines.append(
+            f'speed      {recording.rate:.1f} steps/s, {factor:.2f} times real time'
+        )
+    lines += ['', f'{"voxel":16}{"firing rate [Hz]":>18}{"actuation peak [Hz]":>21}']
+    rates = gait.firing_rates
+    for i, voxel in enumerate(recording.voxel_names):
+        rate = '-' if rates is None or np.isnan(rates[i]) else f'{rates[i]:.1f}'
+        lines.append(f'{voxel:16}{rate:>18}{gait.frequencies[i]:>21.2f}')
+    return lines
+
+
+def _count_lines(recording: Recording) -> list[str]:
+    """Return messages per kind of topic, in total, and the topics that lost any."""
+    numbered = [c for c in recording.counts if c.missing is not None]
+    others = [c for c in recording.counts if c.missing is None]
+    lines = [f'{"messages":16}{"sent":>10}{"received":>10}{"lost":>10}']
+    for kind in sorted({c.kind for c in numbered}):
+        lines.append(_count_line(kind, [c for c in numbered if c.kind == kind]))
+    lines.append(_count_line('total', numbered))
+    for count in numbered:
+        if count.missing is not None and count.lost:
+            lines.append(f'lost on {count.topic}: {_steps(count.missing)}')
+    if others:
+        shown = ', '.join(f'{c.topic} {c.received}' for c in others)
+        lines.append(f'without control step, so nobody can tell: {shown}')
+    return lines
+
+
+def _count_line(name: str, counts: list[TopicCount]) -> str:
+    sent, received = sum(c.sent for c in counts), sum(c.received for c in counts)
+    return f'{name:16}{sent:>10}{received:>10}{sent - received:>10}'
+
+
+def _steps(missing: np.ndarray) -> str:
+    shown = ', '.join(str(k) for k in missing[:_SHOWN_STEPS])
+    return f'{len(missing)} (steps {shown}{", ..." if len(missing) > _SHOWN_STEPS else ""})'

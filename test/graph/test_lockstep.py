@@ -1,0 +1,176 @@
+"""The simulation waits for every voxel, serves reset, pause and step, and names the silent."""
+
+import signal
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool, Trigger
+
+from sim_node.interface import stream_qos
+from sim_node.simulation import Simulation
+from sim_node.stamps import stamp_of_step, step_of_stamp
+from snca_ros.controller_file import load_controller
+from snca_ros.evolution.locomotion import run_episode
+from snca_ros.nodes.bringup import WalkOptions, describe_graph
+
+
+@pytest.fixture
+def walk(start_node, make_controller):
+    """Return a function that starts a robot of three voxels; (graph, children by name)."""
+
+    def run(duration=0.0, leave_out=(), **simulation):
+        # Paused until the test listens: the graph is faster than a test that looks at it.
+        simulation = {'start_paused': True, **simulation}
+        path = make_controller('11-10')
+        options = WalkOptions(robot='robot', duration=duration, simulation=simulation)
+        graph = describe_graph(path, load_controller(path), options)
+        children = {'sim_node': start_node(graph, graph.simulation)}
+        for process in graph.voxels:
+            if process.names[0] not in leave_out:
+                children[process.names[0]] = start_node(graph, process)
+        return graph, children, path
+
+    return run
+
+
+@pytest.fixture
+def centers(node):
+    """Collect the robot's centre by control step, from odometry; a reset starts a new dict."""
+    episodes = [{}]
+
+    def note(message):
+        step = step_of_stamp(message.header.stamp.sec, message.header.stamp.nanosec)
+        if step == 0 and episodes[-1]:
+            episodes.append({})
+        position = message.pose.pose.position
+        episodes[-1][step] = (position.x, position.z)
+
+    node.create_subscription(Odometry, '/robot/odometry', note, stream_qos(1000))
+    return episodes
+
+
+def offline(path, seconds):
+    trained = load_controller(path)
+    return run_episode(Simulation('11-10'), trained.controller(), seconds).centers
+
+
+def call(node, spin_until, kind, name, **request):
+    client = node.create_client(kind, f'/robot/{name}')
+    spin_until(client.service_is_ready)
+    future = client.call_async(kind.Request(**request))
+    spin_until(future.done)
+    return future.result()
+
+
+def go(node, spin_until, centers):
+    """Let the simulation run, once the test listens."""
+    spin_until(lambda: 0 in centers[0])
+    assert call(node, spin_until, SetBool, 'pause', data=False).success
+
+
+def test_reset_repeats_the_episode(walk, node, spin_until, centers):
+    _, _, path = walk()
+    go(node, spin_until, centers)
+    spin_until(lambda: 60 in centers[0])
+    assert call(node, spin_until, Trigger, 'reset').success
+    spin_until(lambda: len(centers) == 2 and 60 in centers[1])
+    expected = offline(path, 1.0)
+    for episode in centers:
+        np.testing.assert_array_equal([episode[k] for k in range(61)], expected)
+
+
+def test_pause_and_step(walk, node, spin_until, centers):
+    _, _, path = walk()
+    refused = call(node, spin_until, Trigger, 'step')
+    assert refused.success
+    spin_until(lambda: 1 in centers[0])
+    for _ in range(4):
+        newest = max(centers[0])
+        call(node, spin_until, Trigger, 'step')
+        spin_until(lambda newest=newest: max(centers[0]) == newest + 1)
+    assert max(centers[0]) == 5
+    assert call(node, spin_until, SetBool, 'pause', data=False).success
+    spin_until(lambda: 60 in centers[0])
+    assert not call(node, spin_until, Trigger, 'step').success
+    np.testing.assert_array_equal([centers[0][k] for k in range(61)], offline(path, 1.0))
+
+
+def test_late_voxel_joins_and_nothing_differs(walk, start_node, node, spin_until, centers):
+    graph, children, path = walk(duration=1.0, leave_out=('voxel_0_1',))
+    spin_until(lambda: node.count_publishers('/robot/voxel_0_0/actuation') == 1)
+    go(node, spin_until, centers)
+    assert max(centers[0]) == 0
+    start_node(graph, graph.voxels[1])
+    spin_until(lambda: 60 in centers[0])
+    np.testing.assert_array_equal([centers[0][k] for k in range(61)], offline(path, 1.0))
+    assert children['sim_node'].wait(30) == 0
+
+
+def test_silent_voxel_is_named_and_the_run_stops(walk, node, spin_until, centers):
+    _, children, _ = walk(silence_limit=1.0)
+    go(node, spin_until, centers)
+    spin_until(lambda: 30 in centers[0])
+    children['voxel_0_1'].send_signal(signal.SIGKILL)
+    output, _ = children['sim_node'].communicate(timeout=60)
+    assert children['sim_node'].returncode == 1
+    assert 'voxel_0_1' in output
+    assert 'within 1 s' in output
+
+
+def test_run_goes_on_without_a_silent_voxel(walk, node, spin_until, centers):
+    levels = {}
+
+    def note(message):
+        levels.update({status.name: status for status in message.status})
+
+    node.create_subscription(DiagnosticArray, '/diagnostics', note, 10)
+    _, children, _ = walk(silence_limit=2.0, on_silence='go_on')
+    go(node, spin_until, centers)
+    spin_until(lambda: 30 in centers[0])
+    children['voxel_1_1'].send_signal(signal.SIGKILL)
+    newest = max(centers[0])
+    spin_until(lambda: max(centers[0]) > newest + 100)
+    spin_until(lambda: 'voxel_1_1' in levels['/robot/sim_node'].message)
+    assert children['sim_node'].poll() is None
+
+
+def test_refused_messages_change_nothing(walk, node, spin_until, centers):
+    """Wrong length, NaN, a stamp from the future, wrong names: counted, and no step differs."""
+    _, _, path = walk()
+    publisher = node.create_publisher(JointState, '/robot/voxel_0_0/actuation', stream_qos())
+    spin_until(lambda: publisher.get_subscription_count() >= 1)
+
+    def actuation(step, names, values):
+        message = JointState(name=names, position=values)
+        message.header.frame_id = 'voxel_0_0'
+        message.header.stamp.sec, message.header.stamp.nanosec = stamp_of_step(step)
+        return message
+
+    bad = [
+        actuation(0, ['voxel_0_0'], [float('nan')]),
+        actuation(0, ['voxel_0_0'], [2.0]),
+        actuation(0, ['voxel_0_0'], [0.5, 0.5]),
+        actuation(0, ['voxel_0_0'], []),
+        actuation(0, ['someone'], [0.5]),
+        actuation(10_000, ['voxel_0_0'], [0.5]),
+    ]
+    bad.append(actuation(0, ['voxel_0_0'], [0.5]))
+    bad[-1].header.stamp.nanosec = 7
+    counted = {}
+
+    def note(message):
+        for status in message.status:
+            counted[status.name] = {v.key: v.value for v in status.values}
+
+    node.create_subscription(DiagnosticArray, '/diagnostics', note, 10)
+    for message in bad:
+        publisher.publish(message)
+    spin_until(
+        lambda: counted.get('/robot/sim_node', {}).get('refused messages') == str(len(bad))
+    )
+    assert call(node, spin_until, SetBool, 'pause', data=False).success
+    spin_until(lambda: 60 in centers[0])
+    np.testing.assert_array_equal([centers[0][k] for k in range(61)], offline(path, 1.0))

@@ -1,0 +1,122 @@
+"""Every node ends cleanly when asked to, and says in one line what is wrong with its input."""
+
+import signal
+
+import pytest
+
+from snca_ros.controller_file import load_controller
+from snca_ros.nodes.bringup import WalkOptions, describe_graph
+
+READY = {
+    'sim_node': 'sensors', 'voxel_node': 'actuation', 'recorder_node': 'parameter_events',
+}
+
+
+def arguments(executable, controller, tmp_path):
+    given = {
+        'sim_node': ['-p', 'morphology:=11-10'],
+        'voxel_node': ['-p', f'controller:={controller}'],
+        'recorder_node': ['-p', f'bag:={tmp_path / "bag"}'],
+    }[executable]
+    return [executable, '--ros-args', '-r', '__ns:=/robot', *given]
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('executable', READY)
+def test_ends_cleanly(start, node, spin_until, make_controller, tmp_path, executable, number):
+    child = start(*arguments(executable, make_controller(), tmp_path))
+    name = 'voxel_0_0' if executable == 'voxel_node' else executable
+    spin_until(lambda: (name, '/robot') in node.get_node_names_and_namespaces())
+    child.send_signal(number)
+    output, _ = child.communicate(timeout=30)
+    assert child.returncode == 0, output
+    assert 'Traceback' not in output
+    assert 'error' not in output.lower()
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_ends_cleanly_while_starting(start, make_controller, tmp_path, number):
+    child = start(*arguments('voxel_node', make_controller(), tmp_path))
+    child.send_signal(number)  # Python itself may still be starting: then the signal's own code
+    output, _ = child.communicate(timeout=30)
+    assert child.returncode in (0, 130, -number), output
+    assert 'rclpy' not in output
+
+
+BAD = {
+    'unknown shape': ('sim_node', ['-p', 'morphology:=bipd'], ['morphology', "'bipd'", 'biped']),
+    'unconnected grid': ('sim_node', ['-p', 'morphology:=101'], ['morphology', 'connected']),
+    'unknown terrain': ('sim_node', ['-p', 'terrain:=hily-1-10-0'], ['terrain', 'hilly']),
+    'wrong type': ('sim_node', ['-p', 'duration:=long'], ['duration', "'long'", 'float']),
+    'out of range': ('sim_node', ['-p', 'material.friction:=-1.0'], ['material.friction', '-1.0']),
+    'unknown parameter': ('sim_node', ['-p', 'durration:=1.0'], ['durration', "'duration'"]),
+    'unknown policy': ('sim_node', ['-p', 'on_silence:=wait'], ['on_silence', 'go_on']),
+    'no controller': ('voxel_node', ['-p', 'controller:=/nowhere.npz'], ['/nowhere.npz']),
+    'no such neighbour': ('voxel_node', ['-p', 'neighbor.left:=x'], ['left', "'x'"]),
+    'storage': ('recorder_node', ['-p', 'storage:=tape'], ['storage', "'tape'", 'mcap']),
+    'bad remap': ('sim_node', ['-r', '__ns:=a b'], ['error']),
+}
+
+
+@pytest.mark.parametrize('case', BAD)
+def test_bad_parameters_are_named(start, tmp_path, case):
+    executable, given, expected = BAD[case]
+    child = start(executable, '--ros-args', *given)
+    output, _ = child.communicate(timeout=60)
+    assert child.returncode == 2, output
+    assert 'Traceback' not in output
+    lines = [line for line in output.splitlines() if 'error' in line]
+    assert len(lines) == 1
+    for text in expected:
+        assert text in lines[0]
+    assert not (tmp_path / 'bags').exists()
+
+
+def test_params_file_is_named(start, tmp_path):
+    params = tmp_path / 'wrong.yaml'
+    params.write_text('/**:\n  ros__parameters:\n    duration: soon\n')
+    child = start('sim_node', '--ros-args', '--params-file', params)
+    output, _ = child.communicate(timeout=60)
+    assert child.returncode == 2
+    assert str(params) in output
+    assert 'duration' in output
+    params.write_text('/**: [unbalanced\n')
+    child = start('sim_node', '--ros-args', '--params-file', params)
+    output, _ = child.communicate(timeout=60)
+    assert child.returncode == 2
+    assert str(params) in output
+    assert 'Traceback' not in output
+
+
+def test_controller_of_another_shape_is_refused(start, make_controller):
+    child = start(
+        'voxel_node', 'voxel_3_1', '--ros-args', '-p', f'controller:={make_controller("11-10")}'
+    )
+    output, _ = child.communicate(timeout=60)
+    assert child.returncode == 2
+    assert 'voxel_3_1' in output
+    assert '11-10' in output
+    assert 'Traceback' not in output
+
+
+def test_existing_bag_is_not_touched(start, tmp_path):
+    (tmp_path / 'bag').mkdir()
+    (tmp_path / 'bag' / 'mine').write_text('precious')
+    child = start('recorder_node', '--ros-args', '-p', f'bag:={tmp_path / "bag"}')
+    output, _ = child.communicate(timeout=60)
+    assert child.returncode == 2
+    assert 'bag' in output
+    assert [p.name for p in (tmp_path / 'bag').iterdir()] == ['mine']
+
+
+def test_one_process_hosts_several_voxels(start_node, node, spin_until, make_controller):
+    path = make_controller('11-10')
+    graph = describe_graph(
+        path, load_controller(path), WalkOptions(robot='robot', voxels_per_process=2)
+    )
+    start_node(graph, graph.voxels[0])
+    expected = {('voxel_0_0', '/robot'), ('voxel_0_1', '/robot')}
+    spin_until(lambda: expected <= set(node.get_node_names_and_namespaces()))
+    assert [process.names for process in graph.voxels] == [
+        ('voxel_0_0', 'voxel_0_1'), ('voxel_1_1',)
+    ]

@@ -1,0 +1,72 @@
+"""A lock-step run of the graph repeats the offline episode bit for bit: the project's backbone."""
+
+import numpy as np
+import pytest
+
+from sim_node.simulation import Simulation
+from snca_ros.controller_file import load_controller
+from snca_ros.nodes.bringup import WalkOptions, describe_graph
+from snca_ros.nodes.processes import RunningGraph
+from snca_ros.study.bag import read_bag
+
+DURATION = 2.0
+N_STEPS = 120
+COMBINATIONS = [
+    (name, model) for name in ('U-nD', 'U-D', 'nU-D') for model in ('mlp', 'snn', 'snn-h')
+]
+
+
+def offline(path, terrain='flat'):
+    """Step the offline twins in Python; return centres, readings, actuation and messages."""
+    trained = load_controller(path)
+    simulation = Simulation(trained.morphology, terrain)
+    controller = trained.controller()
+    readings = simulation.reset()
+    centers, all_readings, actuations, messages = [simulation.center], [], [], []
+    for _ in range(N_STEPS):
+        actuation = controller.step(readings)
+        all_readings.append(readings)
+        actuations.append(actuation)
+        messages.append(controller.cells.outbox.copy())
+        readings = simulation.step(actuation)
+        centers.append(simulation.center)
+    return tuple(map(np.array, (centers, all_readings, actuations, messages)))
+
+
+def walk(path, bag, voxels_per_process, terrain='flat'):
+    """Run the graph and return what its bag holds."""
+    options = WalkOptions(
+        duration=DURATION, voxels_per_process=voxels_per_process, bag=str(bag), terrain=terrain
+    )
+    graph = describe_graph(path, load_controller(path), options)
+    with RunningGraph(graph, {}) as running:
+        assert running.wait(graph.simulation, 90.0) == 0
+    return read_bag(bag)
+
+
+@pytest.mark.parametrize('voxels_per_process', [1, 1000], ids=['each-alone', 'all-in-one'])
+@pytest.mark.parametrize(('name', 'model'), COMBINATIONS)
+def test_graph_repeats_the_offline_episode(
+    make_controller, tmp_path, name, model, voxels_per_process
+):
+    path = make_controller('11-10', name, model)
+    centers, readings, actuation, messages = offline(path)
+    recording = walk(path, tmp_path / 'bag', voxels_per_process)
+    assert {count.topic: count.lost for count in recording.counts if count.lost} == {}
+    np.testing.assert_array_equal(recording.centers, centers)
+    np.testing.assert_array_equal(recording.readings[:N_STEPS], readings)
+    np.testing.assert_array_equal(recording.actuation[:N_STEPS], actuation)
+    sent = messages.reshape(N_STEPS, 3, -1, messages.shape[-1])
+    if model == 'mlp':
+        np.testing.assert_array_equal(recording.values[:N_STEPS], sent[..., 0])
+    else:
+        np.testing.assert_array_equal(recording.spikes[:N_STEPS], sent)
+    assert np.abs(sent).sum() > 0
+    assert len(np.unique(actuation)) > 1
+
+
+def test_hilly_terrain_too(make_controller, tmp_path):
+    path = make_controller('11-10', 'U-D', 'mlp', seed=3)
+    centers, *_ = offline(path, 'hilly-1-10-0')
+    recording = walk(path, tmp_path / 'bag', 2, 'hilly-1-10-0')
+    np.testing.assert_array_equal(recording.centers, centers)

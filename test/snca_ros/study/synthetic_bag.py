@@ -1,0 +1,150 @@
+"""Bags written as the recorder writes them, without ROS."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from sim_node.sensors import SENSORS
+from sim_node.stamps import stamp_of_step
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+TYPES = STORE.types
+STORAGES = {'mcap': StoragePlugin.MCAP, 'sqlite3': StoragePlugin.SQLITE3}
+STEP_TIME = 2_000_000  # wall time of a control step [ns]: 500 steps/s
+
+Message = tuple[str, object]
+"""Topic and message."""
+
+
+@dataclass(frozen=True)
+class Walk:
+    """Numbers of a walk; shapes as in `snca_ros.study.bag.Recording`, messages per voxel."""
+
+    voxels: tuple[str, ...]
+    centers: np.ndarray  # (n + 1, 2)
+    readings: np.ndarray  # (n, n_voxels, 4)
+    actuation: np.ndarray  # (n, n_voxels)
+    spikes: np.ndarray | None = None  # (n, n_voxels, n_channels, 16)
+    values: np.ndarray | None = None  # (n, n_voxels, n_channels)
+
+
+def make_walk(
+    n_steps: int = 60, voxels: tuple[str, ...] = ('voxel_0_0', 'voxel_1_0'), seed: int = 0
+) -> Walk:
+    """Return a walk of random numbers, 4 spike channels."""
+    rng, n = np.random.default_rng(seed), len(voxels)
+    return Walk(
+        voxels,
+        centers=rng.normal(size=(n_steps + 1, 2)).cumsum(axis=0),
+        readings=rng.uniform(size=(n_steps, n, 4)),
+        actuation=rng.uniform(-1, 1, size=(n_steps, n)),
+        spikes=rng.integers(0, 2, size=(n_steps, n, 4, 16), dtype=np.uint8),
+    )
+
+
+def _header(step: int, frame: str):
+    stamp = TYPES['builtin_interfaces/msg/Time'](*stamp_of_step(step))
+    return TYPES['std_msgs/msg/Header'](stamp=stamp, frame_id=frame)
+
+
+def joint_state(step: int, frame: str, names: Iterable[str], position: np.ndarray):
+    none = np.zeros(0)
+    return TYPES['sensor_msgs/msg/JointState'](
+        _header(step, frame), list(names), np.atleast_1d(position), none, none
+    )
+
+
+def image(step: int, frame: str, encoding: str, pixels: np.ndarray):
+    height, width = pixels.shape
+    data = np.frombuffer(np.ascontiguousarray(pixels).tobytes(), np.uint8)
+    return TYPES['sensor_msgs/msg/Image'](
+        _header(step, frame), height, width, encoding, 0, len(data) // height, data
+    )
+
+
+def odometry(step: int, center: np.ndarray):
+    vector = TYPES['geometry_msgs/msg/Vector3'](0.0, 0.0, 0.0)
+    pose = TYPES['geometry_msgs/msg/Pose'](
+        TYPES['geometry_msgs/msg/Point'](center[0], 0.0, center[1]),
+        TYPES['geometry_msgs/msg/Quaternion'](0.0, 0.0, 0.0, 1.0),
+    )
+    none = np.zeros(36)
+    return TYPES['nav_msgs/msg/Odometry'](
+        _header(step, 'world'), 'biped',
+        TYPES['geometry_msgs/msg/PoseWithCovariance'](pose, none),
+        TYPES['geometry_msgs/msg/TwistWithCovariance'](
+            TYPES['geometry_msgs/msg/Twist'](vector, vector), none
+        ),
+    )
+
+
+def clock(step: int):
+    return TYPES['rosgraph_msgs/msg/Clock'](
+        TYPES['builtin_interfaces/msg/Time'](*stamp_of_step(step))
+    )
+
+
+def messages_of_step(walk: Walk, step: int, robot: str = 'biped') -> list[Message]:
+    """Return what the graph sends in control step `step`."""
+    out = [('/clock', clock(step)), (f'/{robot}/odometry', odometry(step, walk.centers[step]))]
+    if step % 2 == 0:
+        out.append((f'/{robot}/markers', TYPES['visualization_msgs/msg/MarkerArray']([])))
+    if step == len(walk.actuation):
+        return out
+    for i, voxel in enumerate(walk.voxels):
+        out.append((
+            f'/{robot}/{voxel}/sensors', joint_state(step, voxel, SENSORS, walk.readings[step, i])
+        ))
+    for i, voxel in enumerate(walk.voxels):
+        if walk.spikes is not None:
+            pixels = walk.spikes[step, i] * np.uint8(255)
+            out.append((f'/{robot}/{voxel}/spikes', image(step, voxel, 'mono8', pixels)))
+        if walk.values is not None:
+            pixels = walk.values[step, i][:, None]
+            out.append((f'/{robot}/{voxel}/values', image(step, voxel, '64FC1', pixels)))
+        a = walk.actuation[step, i]
+        out.append((f'/{robot}/{voxel}/actuation', joint_state(step, voxel, [voxel], a)))
+    return out
+
+
+def messages_of_walk(walk: Walk, robot: str = 'biped') -> list[list[Message]]:
+    """Return what the graph sends, step by step."""
+    return [messages_of_step(walk, k, robot) for k in range(len(walk.centers))]
+
+
+def write_messages(
+    path: Path,
+    steps: Iterable[list[Message]],
+    storage: str = 'mcap',
+    killed: bool = False,
+    silent: Mapping[str, str] = MappingProxyType({}),
+) -> Path:
+    """Write messages, step by step, into a new bag; `silent` topics have a type and no message.
+
+    With `killed` it is left as a recorder leaves it that is killed: chunks, and half a record.
+    """
+    writer = Writer(path, version=9, storage_plugin=STORAGES[storage])
+    writer.open()
+    connections = {
+        topic: writer.add_connection(topic, kind, typestore=STORE)
+        for topic, kind in silent.items()
+    }
+    for k, messages in enumerate(steps):
+        for i, (topic, message) in enumerate(messages):
+            kind = message.__msgtype__
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
+            time = 10**18 + k * STEP_TIME + i
+            writer.write(connections[topic], time, STORE.serialize_cdr(message, kind))
+    if killed:
+        writer.storage.close_chunk()
+        writer.storage.bio.write(b'\x06\x00\x01')
+        writer.storage.bio.close()
+    else:
+        writer.close()
+    return path
