@@ -1,5 +1,6 @@
 """Compiled functions: numba with a cache that lasts, keyed by the sources it was made from."""
 
+import fcntl
 import functools
 import hashlib
 import os
@@ -54,3 +55,22 @@ def compiled(function: Callable) -> Callable:
 def compiled_callback(signature: Any) -> Callable:
     """Compile a function that C code can call; its `address` is the function pointer."""
     return lambda function: _cached(lambda: numba.cfunc(signature, cache=True)(function))
+
+
+def warm_up(name: str, run: Callable[[], object]) -> None:
+    """Call `run`, which uses compiled functions; of many processes only one compiles them.
+
+    Args:
+        name: what is compiled, the same in all processes.
+        run: calls the functions once; quick when they are in the cache.
+    """
+    folder = Path(_cache_folder())
+    done = folder / f'{name}.compiled'
+    if done.exists():
+        run()
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / f'{name}.lock').open('w') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        run()
+        done.touch()

@@ -12,9 +12,10 @@ from sim_node.compiled import compiled_callback
 
 _HANDLE: Any = types.uintp
 _VOID: Any = types.void
+_POINTER: Any = types.CPointer(_HANDLE)
 
 
-def _function(name: str, result: types.Type, *arguments: types.Type) -> types.ExternalFunction:
+def _function(name: str, result: Any, *arguments: Any) -> Any:
     """Declare a function of pymunk's library to the compiler, by name and signature."""
     llvm.add_symbol(name, _address(name))
     return types.ExternalFunction(name, result(*arguments))
@@ -41,7 +42,7 @@ def handle(pointer: object) -> int:
     return int(ffi.cast('uintptr_t', pointer))
 
 
-@compiled_callback(_VOID(_HANDLE, _HANDLE, types.CPointer(_HANDLE)))
+@compiled_callback(_VOID(_HANDLE, _HANDLE, _POINTER))
 def _note_contact(body, arbiter, data):
     """Set data[1] if one of the arbiter's two bodies is data[0]; data[2:4] is scratch space."""
     cells = carray(data, 4)

@@ -18,6 +18,7 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
 from sim_node import interface
+from sim_node.compiled import warm_up
 from sim_node.errors import InvalidInput
 from sim_node.material import Material
 from sim_node.morphology import parse_morphology
@@ -56,6 +57,7 @@ class SimNode(RosNode):
         if self._on_silence not in ('stop', 'go_on'):
             raise InvalidInput('on_silence', self._on_silence, 'stop or go_on', self._where())
         self._voxels = self.simulation.morphology.voxel_names
+        warm_up('simulation', lambda: self.simulation.step(np.zeros(len(self._voxels))))
         self._make_topics()
         self._make_services()
         self._silent: set[str] = set()

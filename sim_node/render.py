@@ -19,10 +19,10 @@ _LABELLED = 5  # every so many metres a tick mark of the ground is long and has 
 
 
 def area_colors(area_ratios: np.ndarray) -> np.ndarray:
-    """Return (n, 4) RGBA: red where contracted, yellow at rest, green where expanded."""
+    """Return (n, 4) RGBA: orange where contracted, pale at rest, blue where expanded."""
     t = np.clip((np.asarray(area_ratios) - 0.75) / 0.5, 0.0, 1.0)[:, None]
-    red, yellow, green = np.array([[0.85, 0.2, 0.15], [0.95, 0.85, 0.3], [0.2, 0.65, 0.3]])
-    rgb = np.where(t < 0.5, red + (yellow - red) * 2 * t, yellow + (green - yellow) * (2 * t - 1))
+    small, rest, large = np.array([[0.84, 0.37, 0.0], [0.96, 0.93, 0.82], [0.0, 0.45, 0.70]])
+    rgb = np.where(t < 0.5, small + (rest - small) * 2 * t, rest + (large - rest) * (2 * t - 1))
     return np.concatenate([rgb, np.ones_like(t)], axis=1)
 
 

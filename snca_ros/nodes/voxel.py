@@ -16,9 +16,11 @@ from rclpy.utilities import remove_ros_args
 from sensor_msgs.msg import Image, JointState
 
 from sim_node import interface
+from sim_node.compiled import warm_up
 from sim_node.errors import InvalidInput
 from sim_node.morphology import DIRECTIONS, OPPOSITE
 from sim_node.ros import RosNode, run_nodes
+from sim_node.sensors import N_SENSORS
 from sim_node.stamps import stamp_of_step
 from snca_ros.cell.nca import Cells
 from snca_ros.controller import weights_of
@@ -66,6 +68,8 @@ class VoxelNode(RosNode):
         n_voxels = trained.morphology.n_voxels
         weights = weights_of(self._architecture, trained.theta, n_voxels, index)
         self._cells = Cells(self._architecture, weights[np.newaxis])
+        silence = np.zeros_like(self._cells.state.inbox[0])
+        warm_up('cell', lambda: self._cells.step_cell(0, np.zeros(N_SENSORS), silence, 0))
 
     def _make_topics(self) -> None:
         qos, queue = interface.stream_qos(), interface.stream_qos(interface.QUEUE)

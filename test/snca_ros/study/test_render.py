@@ -32,13 +32,13 @@ def controller(trained, tmp_path):
 
 
 def test_colours_tell_contraction_from_expansion():
-    (red, yellow, green), clipped = (
+    (orange, pale, blue), clipped = (
         area_colors(np.array([0.75, 1.0, 1.25])), area_colors(np.array([0.1, 1.0, 9.0]))
     )
-    assert red[0] > 2 * red[1]
-    assert min(yellow[:2]) > 2 * yellow[2]
-    assert green[1] > 2 * green[0]
-    np.testing.assert_array_equal(clipped, [red, yellow, green])
+    assert orange[0] > 2 * orange[1] > orange[2]
+    assert min(pale) > 0.8
+    assert blue[2] > 1.5 * blue[1] > blue[0]
+    np.testing.assert_array_equal(clipped, [orange, pale, blue])
 
 
 @given(st.floats(10.0, 30.0), st.floats(0.0, 15.0))
