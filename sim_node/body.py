@@ -75,12 +75,12 @@ def build_body(
 
 def placement(morphology: Morphology, terrain: Terrain, material: Material) -> tuple[float, float]:
     """Return the world's (x, y) [m] of the lower left corner of the morphology's grid."""
-    x0 = terrain.start + 1.0
-    side = material.side
-    gaps = (
-        y * side - terrain.height_at(x0 + (x + 0.5) * side) for x, y in morphology.cells
+    x0, side = terrain.start + 1.0, material.side
+    room = (
+        y * side - terrain.highest(x0 + x * side, x0 + (x + 1) * side)
+        for x, y in morphology.cells
     )
-    return x0, 1.0 - min(gaps)
+    return x0, 1.0 - min(room)
 
 
 def _add_ground(space: pymunk.Space, terrain: Terrain) -> pymunk.Body:

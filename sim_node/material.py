@@ -23,12 +23,12 @@ class Material:
         InvalidInput: a value is not finite or out of its range.
     """
 
-    side: float = _constant(3.0, 0.1, 100.0, 'side of a voxel at rest', 'm')
-    mass_ratio: float = _constant(0.40, 0.1, 0.45, 'side of a corner mass per side of the voxel')
+    side: float = _constant(3.0, 1.0, 100.0, 'side of a voxel at rest', 'm')
+    mass_ratio: float = _constant(0.40, 0.1, 0.44, 'side of a corner mass per side of the voxel')
     density: float = _constant(0.25, 1e-3, 1e3, 'density of a corner mass', 'kg/m^2')
     frequency: float = _constant(8.0, 0.1, 30.0, 'frequency of a spring', 'Hz')
     damping_ratio: float = _constant(0.3, 0.0, 2.0, 'damping ratio of a spring')
-    area_range: float = _constant(0.225, 0.0, 0.5, 'largest relative change of area by actuation')
+    area_range: float = _constant(0.225, 0.0, 0.35, 'largest relative change of area by actuation')
     friction: float = _constant(math.sqrt(10 * 0.2), 0.0, 10.0, 'friction mass against ground')
     restitution: float = _constant(0.1, 0.0, 1.0, 'restitution mass against ground')
     damping: float = _constant(0.1, 0.0, 10.0, 'linear and angular damping of a mass', '1/s')
@@ -41,6 +41,9 @@ class Material:
             if not is_number or not meta['low'] <= value <= meta['high']:
                 expected = f'a number from {meta["low"]:g} to {meta["high"]:g} [{meta["unit"]}]'
                 raise InvalidInput(f'material.{f.name}', value, expected.replace(' []', ''))
+        if self.rest_lengths(self.actuated_side(-self.area_range))[0] <= 0.0:
+            expected = 'a mass_ratio or area_range that leaves room between contracted masses'
+            raise InvalidInput('material.area_range', self.area_range, expected)
 
     @classmethod
     def from_dict(cls, values: dict) -> 'Material':

@@ -114,14 +114,14 @@ def parse_morphology(text: str) -> Morphology:
         raise InvalidInput('morphology', text, 'a text such as biped or 1111-1111-1001')
     if re.fullmatch(r'[01]+(-[01]+)*', text):
         return Morphology(text, _cells_of_grid(text))
-    kind, _, size = text.partition('-')
+    kind, dash, size = text.partition('-')
     if kind not in _GENERATORS:
         expected = (
             f'one of {", ".join(SHAPES)} (with a size, e.g. comb-7x2)'
             ' or a grid such as 1111-1111-1001' + near_miss(kind, SHAPES)
         )
         raise InvalidInput('morphology', text, expected)
-    w, h = _parse_size(text, kind, size or _DEFAULT_SIZE.get(kind, ''))
+    w, h = _parse_size(text, kind, size if dash else _DEFAULT_SIZE.get(kind, ''))
     inside = _GENERATORS[kind]
     rows = (''.join('1' if inside(x, y, w, h) else '0' for x in range(w)) for y in range(h))
     return Morphology(text, _cells_of_grid('-'.join(reversed(list(rows))), text))

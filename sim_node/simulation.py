@@ -28,7 +28,7 @@ from sim_node.terrain import Terrain, parse_terrain
 CONTROL_RATE = 60
 """Control steps per second (paper: f_k = 60 Hz)."""
 
-ENGINES = ('pymunk',)
+_MAX_AREA_RATIO = 100.0
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,10 @@ def set_rest_lengths(world, actuation):
 
 @compiled
 def sense(world, step):
-    """Read the bodies and write sensor readings; return False if the physics diverged."""
+    """Read the bodies and write sensor readings; return False if the physics diverged.
+
+    It has when a number is not finite or a voxel's area is a hundred times that at rest.
+    """
     world.filled[0] = 0
     munk.space_each_body(world.space, world.read_body, world.batch)
     for i in range(world.readings.shape[0]):
@@ -133,6 +136,9 @@ def sense(world, step):
             world.velocities[i],
             world.readings[i],
         )
+    for i in range(world.area_ratios.shape[0]):
+        if not abs(world.area_ratios[i]) < _MAX_AREA_RATIO:
+            return False
     return bool(np.isfinite(world.readings.sum()))
 
 
@@ -194,8 +200,11 @@ class Simulation:
             morphology = parse_morphology(morphology)
         if not isinstance(terrain, Terrain):
             terrain = parse_terrain(terrain)
-        if not (isinstance(sensor_noise, (int, float)) and 0.0 <= sensor_noise <= 10.0):
+        is_number = isinstance(sensor_noise, (int, float)) and not isinstance(sensor_noise, bool)
+        if not is_number or not 0.0 <= sensor_noise <= 10.0:
             raise InvalidInput('sensor_noise', sensor_noise, 'a number from 0 to 10')
+        if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+            raise InvalidInput('seed', seed, 'an integer from 0')
         self.morphology, self.terrain = morphology, terrain
         self.material = material or Material()
         self.solver = solver or Solver()
@@ -251,11 +260,14 @@ class Simulation:
             InvalidInput: `actuation` has another shape or is not finite.
             Diverged: the physics is no longer finite.
         """
-        actuation = np.ascontiguousarray(actuation, dtype=np.float64)
-        if actuation.shape != self.world.actuation.shape or not np.isfinite(actuation).all():
-            expected = f'{self.morphology.n_voxels} finite values'
-            raise InvalidInput('actuation', actuation.tolist(), expected)
-        if not advance(self.world, actuation, self.step_count + 1, self.draw_noise(1)[0]):
+        expected = f'{self.morphology.n_voxels} finite values'
+        try:
+            values = np.ascontiguousarray(actuation, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise InvalidInput('actuation', actuation, expected) from None
+        if values.shape != self.world.actuation.shape or not np.isfinite(values).all():
+            raise InvalidInput('actuation', values.tolist(), expected)
+        if not advance(self.world, values, self.step_count + 1, self.draw_noise(1)[0]):
             raise Diverged(f'{self.morphology.name}: not finite at step {self.step_count + 1}')
         self.step_count += 1
         return self.world.readings.copy()

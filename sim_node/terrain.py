@@ -45,6 +45,11 @@ class Terrain:
         """Return the ground's height [m] at `x` [m]."""
         return float(np.interp(x, self.x, self.y))
 
+    def highest(self, left: float, right: float) -> float:
+        """Return the greatest height [m] of the ground between two x [m]."""
+        corners = self.y[(self.x > left) & (self.x < right)].tolist()
+        return max(self.height_at(left), self.height_at(right), *corners)
+
 
 def parse_terrain(name: str) -> Terrain:
     """Return the terrain called `name`.

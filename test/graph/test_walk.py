@@ -42,7 +42,7 @@ def test_killing_the_walk_leaves_no_process(start, make_controller, tmp_path, nu
     pids = children_of(child.pid)
     names = sorted(command_line(pid)[3] for pid in pids)
     assert names == ['recorder_node', 'sim_node', 'voxel_node', 'voxel_node', 'voxel_node']
-    wait_for(lambda: (tmp_path / 'bag').exists())
+    wait_for((tmp_path / 'bag').exists)
     os.kill(child.pid, number)
     child.communicate(timeout=60)
     wait_for(lambda: not any(map(is_alive, pids)))

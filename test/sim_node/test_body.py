@@ -1,0 +1,241 @@
+import itertools
+import math
+from collections import Counter
+
+import numpy as np
+import pymunk
+import pytest
+
+from sim_node.body import build_body, placement
+from sim_node.material import Material
+from sim_node.morphology import parse_morphology
+from sim_node.terrain import UNSEEN_TERRAINS, parse_terrain
+
+PLACED = ('1', 'biped', 'comb', 'worm', 'ball-5', 't-5x3')
+OMEGA_2 = (16 * math.pi) ** 2  # of a spring at 8 Hz
+
+# Of one spring of each kind: effective mass [kg] by hand from 1/m1 + 1/m2 + sum (r x n)^2 / I,
+# with m = 0.36 and I = 0.0864, and its rest length [m].
+PARALLEL = 9 / 125, 0.6  # r x n = 0.6 twice: 50/9 + 2 * 0.36 / 0.0864 = 125/9
+SIDE_CROSS = 9 / 185, math.sqrt(1.8)  # r x n = 1.08 / sqrt(1.8) twice: 50/9 + 2 * 7.5 = 185/9
+CENTRAL = 0.18, 1.8 * math.sqrt(2)  # from centre to centre: 50/9
+
+
+def build(shape, terrain='flat', iterations=10, self_collision=False, **material):
+    return build_body(
+        parse_morphology(shape), parse_terrain(terrain), Material(**material), iterations,
+        self_collision,
+    )
+
+
+def joints(body, kind):
+    return [c for c in body.space.constraints if isinstance(c, kind)]
+
+
+def ends(joint):
+    """Return both anchors in the world."""
+    return joint.a.local_to_world(joint.anchor_a), joint.b.local_to_world(joint.anchor_b)
+
+
+def test_masses_stand_in_the_corners():
+    body = build('1')
+    assert [tuple(b.position) for b in body.masses] == [
+        pytest.approx(p) for p in ((11.6, 8.4), (13.4, 8.4), (13.4, 6.6), (11.6, 6.6))
+    ]
+    for mass in body.masses:
+        assert mass.mass == pytest.approx(0.36)
+        assert mass.moment == pytest.approx(0.0864)
+        (shape,) = mass.shapes
+        assert sorted(map(tuple, shape.get_vertices())) == [
+            pytest.approx(p) for p in ((-0.6, -0.6), (-0.6, 0.6), (0.6, -0.6), (0.6, 0.6))
+        ]
+
+
+def test_every_voxel_has_its_four_masses_in_order():
+    morphology, body = parse_morphology('biped'), build('biped')
+    assert len(body.masses) == len(body.space.bodies) == 40
+    for i, (x, y) in enumerate(morphology.cells):
+        center = np.mean([body.masses[j].position for j in range(4 * i, 4 * i + 4)], axis=0)
+        assert center == pytest.approx((11 + 3 * x + 1.5, 6 + 3 * y + 1.5))
+        for j, corner in enumerate(((-0.9, 0.9), (0.9, 0.9), (0.9, -0.9), (-0.9, -0.9))):
+            assert body.masses[4 * i + j].position - center == pytest.approx(corner)
+
+
+def test_a_voxel_has_eighteen_springs_of_three_kinds():
+    body = build('1')
+    pairs = Counter(
+        tuple(sorted((body.masses.index(s.a), body.masses.index(s.b)))) for s in body.springs
+    )
+    assert pairs == {(0, 1): 4, (1, 2): 4, (2, 3): 4, (0, 3): 4, (0, 2): 1, (1, 3): 1}
+    kinds = Counter(round(s.rest_length, 9) for s in body.springs)
+    assert kinds == {round(k[1], 9): n for k, n in ((PARALLEL, 8), (SIDE_CROSS, 8), (CENTRAL, 2))}
+
+
+def test_side_springs_join_the_corners_of_two_masses():
+    body = build('1')
+    top = [s for s in body.springs if {s.a, s.b} == {body.masses[0], body.masses[1]}]
+    lines = {frozenset((round(p.x, 9), round(p.y, 9)) for p in ends(s)) for s in top}
+    assert lines == {
+        frozenset(line) for line in (
+            ((12.2, 9.0), (12.8, 9.0)), ((12.2, 7.8), (12.8, 7.8)),
+            ((12.2, 9.0), (12.8, 7.8)), ((12.2, 7.8), (12.8, 9.0)),
+        )
+    }
+
+
+def test_stiffness_and_damping_by_hand():
+    seen = set()
+    for spring in build('biped').springs:
+        kind = next(k for k in (PARALLEL, SIDE_CROSS, CENTRAL)
+                    if spring.rest_length == pytest.approx(k[1]))
+        seen.add(kind)
+        assert spring.stiffness == pytest.approx(kind[0] * OMEGA_2)
+        assert spring.damping == pytest.approx(2 * kind[0] * 0.3 * 16 * math.pi)
+    assert len(seen) == 3
+    assert PARALLEL[0] * OMEGA_2 == pytest.approx(181.9165, abs=1e-3)
+
+
+def test_springs_are_at_rest_in_the_robot_put_down():
+    for spring in build('comb', 'hilly-1-10-0').springs:
+        a, b = ends(spring)
+        assert a.get_distance(b) == pytest.approx(spring.rest_length, abs=1e-9)
+
+
+def test_table_of_rest_lengths():
+    body = build('11')
+    assert body.rest.shape == (3, 36)
+    assert [s.rest_length for s in body.springs] == pytest.approx(body.rest[1])
+    for change, lengths in zip((0.775, 1.0, 1.225), body.rest, strict=True):
+        side = 3 * math.sqrt(change)
+        kinds = {0.6: side - 2.4, math.sqrt(1.8): math.hypot(1.2, side - 2.4),
+                 1.8 * math.sqrt(2): (side - 1.2) * math.sqrt(2)}
+        expected = [kinds[min(kinds, key=lambda k, s=s: abs(k - s.rest_length))]
+                    for s in body.springs]
+        assert lengths == pytest.approx(expected)
+    assert (body.rest[0] < body.rest[1]).all()
+    assert (body.rest[1] < body.rest[2]).all()
+
+
+def test_contraction_limits():
+    body = build('11')
+    limits = joints(body, pymunk.SlideJoint)
+    pairs = [tuple(sorted((body.masses.index(j.a), body.masses.index(j.b)))) for j in limits]
+    sides = ((0, 1), (1, 2), (2, 3), (0, 3))
+    assert sorted(pairs) == sorted((4 * i + a, 4 * i + b) for i in range(2) for a, b in sides)
+    for joint in limits:
+        assert (joint.min, joint.max) == (pytest.approx(1.2), math.inf)
+        assert tuple(joint.anchor_a) == tuple(joint.anchor_b) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ('shape', 'points'),
+    [
+        ('11', [(14.0, y) for y in (6.0, 7.2, 7.8, 9.0)]),
+        ('1-1', [(x, 9.0) for x in (11.0, 12.2, 12.8, 14.0)]),
+    ],
+)
+def test_welds_hold_both_ends_of_the_edges_of_facing_masses(shape, points):
+    body = build(shape)
+    welds = joints(body, pymunk.PivotJoint)
+    assert len(welds) == 4
+    places = []
+    for weld in welds:
+        a, b = ends(weld)
+        assert tuple(a) == pytest.approx(tuple(b))
+        assert not weld.collide_bodies
+        assert (body.masses.index(weld.a) < 4) != (body.masses.index(weld.b) < 4)
+        for mass, point in ((weld.a, a), (weld.b, b)):
+            assert [abs(c) for c in mass.world_to_local(point)] == pytest.approx([0.6, 0.6])
+        places.append((round(a.x, 9), round(a.y, 9)))
+    assert sorted(places) == points
+
+
+@pytest.mark.parametrize(('shape', 'n_shared_sides'), [('1', 0), ('worm', 4), ('biped', 12),
+                                                       ('comb', 10), ('box-3x3', 12)])
+def test_number_of_welds(shape, n_shared_sides):
+    assert len(joints(build(shape), pymunk.PivotJoint)) == 4 * n_shared_sides
+
+
+def test_constraints_enter_voxel_by_voxel():
+    kinds = [type(c).__name__ for c in build('11').space.constraints]
+    voxel = ['DampedSpring'] * 18 + ['SlideJoint'] * 4
+    assert kinds == voxel + voxel + ['PivotJoint'] * 4
+
+
+def test_contact_coefficients_and_world():
+    body = build('1', iterations=13, gravity=3.0, damping=0.2)
+    (mass,) = body.masses[0].shapes
+    for ground in body.ground.shapes:
+        assert mass.friction * ground.friction == pytest.approx(math.sqrt(10 * 0.2))
+        assert mass.elasticity * ground.elasticity == pytest.approx(0.1)
+    assert tuple(body.space.gravity) == (0.0, -3.0)
+    assert body.space.damping == pytest.approx(math.exp(-0.2))
+    assert body.space.iterations == 13
+
+
+def collide(a, b):
+    """Apply Munk2D's rule for two filters."""
+    same_group = a.group != 0 and a.group == b.group
+    return bool(not same_group and a.categories & b.mask and b.categories & a.mask)
+
+
+@pytest.mark.parametrize('self_collision', [False, True])
+def test_who_collides_with_whom(self_collision):
+    body = build('11', self_collision=self_collision)
+    filters = [shape.filter for mass in body.masses for shape in mass.shapes]
+    for a, b in itertools.combinations(filters, 2):
+        assert collide(a, b) == self_collision
+    for ground in body.ground.shapes:
+        assert all(collide(f, ground.filter) for f in filters)
+
+
+@pytest.mark.parametrize('terrain', ['flat', 'hilly-1-10-0', 'steppy-0.5-10-3', 'uphill-20'])
+def test_ground_surface_is_the_profile(terrain):
+    profile, body = parse_terrain(terrain), build('1', terrain)
+    middles = (profile.x[:-1] + profile.x[1:]) / 2
+    for x in middles[:40]:
+        y = profile.height_at(x)
+        hit = body.space.segment_query_first(
+            (x, y + 50.0), (x, y - 10.0), 0.0, pymunk.ShapeFilter(mask=0b10)
+        )
+        assert hit.shape.body is body.ground
+        assert hit.point.y == pytest.approx(y, abs=1e-6)
+
+
+@pytest.mark.parametrize('shape', PLACED)
+@pytest.mark.parametrize('terrain', ['flat', *UNSEEN_TERRAINS])
+def test_placement(shape, terrain):
+    morphology, profile = parse_morphology(shape), parse_terrain(terrain)
+    body = build(shape, terrain)
+    corners = np.array([
+        b.local_to_world(v) for b in body.masses for s in b.shapes for v in s.get_vertices()
+    ])
+    assert corners[:, 0].min() == pytest.approx(11.0)
+    x0, y0 = placement(morphology, profile, Material())
+    assert (x0, y0) == pytest.approx((11.0, corners[:, 1].min()))
+    # The clearance of every point of every voxel's lower edge, looked at closely.
+    gaps = [
+        y0 + 3 * y - np.interp(np.linspace(11 + 3 * x, 14 + 3 * x, 3001), profile.x, profile.y)
+        for x, y in morphology.cells
+    ]
+    assert np.min(gaps) == pytest.approx(1.0, abs=1e-3)
+    assert np.min(gaps) >= 1.0 - 1e-9
+
+
+def test_placement_on_slopes_by_hand():
+    tan = 0.36397023426620234
+    worm = parse_morphology('worm')
+    _, up = placement(worm, parse_terrain('uphill-20'), Material())
+    assert up == pytest.approx(5 + (26 - 10) * tan + 1)  # the right-most corner decides
+    _, down = placement(worm, parse_terrain('downhill-20'), Material())
+    assert down == pytest.approx(5 + (1990 - 11) * tan + 1)  # the left-most corner decides
+    biped = parse_morphology('biped')
+    _, leg = placement(biped, parse_terrain('uphill-20'), Material())
+    assert leg == pytest.approx(5 + (23 - 10) * tan + 1)
+
+
+def test_other_sizes_scale_with_the_side():
+    body = build('11', side=1.0)
+    assert body.masses[0].position == pytest.approx((11.2, 6.8))
+    assert body.masses[5].position == pytest.approx((12.8, 6.8))
+    assert body.springs[0].rest_length == pytest.approx(0.2)

@@ -1,0 +1,172 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sim_node.errors import InvalidInput
+from sim_node.terrain import UNSEEN_TERRAINS, parse_terrain
+
+TAN20 = 0.36397023426620234
+steady = settings(deadline=None, derandomize=True)
+nearly_names = st.from_regex(
+    r'(flat|hilly|steppy|uphill|downhill|)(-[0-9.]{0,6}){0,4}', fullmatch=True
+)
+
+
+def parsed(text):
+    """Return (terrain, None) or (None, complaint); any other exception goes through."""
+    try:
+        return parse_terrain(text), None
+    except InvalidInput as error:
+        return None, error
+
+
+def check_profile(terrain):
+    """Check what holds for every terrain: walls at both ends, x growing, numbers finite."""
+    x, y = terrain.x, terrain.y
+    assert x.shape == y.shape
+    assert np.isfinite(x).all()
+    assert np.isfinite(y).all()
+    assert (np.diff(x) > 0).all()
+    assert x[0] == 0.0
+    assert x[-1] >= 2000.0
+    assert terrain.start == x[1] == 10.0
+    assert x[-1] - x[-2] == pytest.approx(10.0)
+    assert y[0] - y[1] == pytest.approx(95.0)
+    assert y[-1] - y[-2] == pytest.approx(95.0)
+
+
+def test_flat():
+    flat = parse_terrain('flat')
+    assert flat.x.tolist() == [0.0, 10.0, 1990.0, 2000.0]
+    assert flat.y.tolist() == [100.0, 5.0, 5.0, 100.0]
+    check_profile(flat)
+
+
+def test_height_between_and_beyond_the_corners():
+    flat = parse_terrain('flat')
+    heights = [flat.height_at(x) for x in (-3.0, 0.0, 5.0, 10.0, 777.7, 1992.5, 2001.0)]
+    assert heights == [100.0, 100.0, 52.5, 5.0, 5.0, 28.75, 100.0]
+
+
+def test_slopes():
+    up, down = parse_terrain('uphill-20'), parse_terrain('downhill-20')
+    check_profile(up)
+    check_profile(down)
+    assert up.height_at(10.0) == down.height_at(1990.0) == 5.0
+    assert up.height_at(110.0) == pytest.approx(5.0 + 100.0 * TAN20, rel=1e-12)
+    assert down.height_at(10.0) == pytest.approx(5.0 + 1980.0 * TAN20, rel=1e-12)
+    assert down.height_at(11.0) - down.height_at(12.0) == pytest.approx(TAN20)
+    assert parse_terrain('uphill-45.0').height_at(11.0) == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize(('spread', 'run'), [(0.5, 10), (1, 20), (2, 30)])
+def test_hilly_statistics(spread, run):
+    terrains = [parse_terrain(f'hilly-{spread}-{run}-{seed}') for seed in range(6)]
+    runs = np.concatenate([np.diff(t.x[1:-1]) for t in terrains])
+    rises = np.concatenate([np.diff(t.y[1:-1]) for t in terrains])
+    n = len(runs)
+    assert runs.min() >= 1.0
+    assert runs.mean() == pytest.approx(run, abs=4 * 0.25 * run / n**0.5)
+    assert runs.std() == pytest.approx(0.25 * run, rel=4 / (2 * n) ** 0.5)
+    assert rises.mean() == pytest.approx(0.0, abs=4 * spread / n**0.5)
+    assert rises.std() == pytest.approx(spread, rel=4 / (2 * n) ** 0.5)
+    for terrain in terrains:
+        check_profile(terrain)
+
+
+@pytest.mark.parametrize(('spread', 'run'), [(0.25, 10), (1, 30)])
+def test_steppy_is_flat_runs_and_short_rises(spread, run):
+    terrains = [parse_terrain(f'steppy-{spread}-{run}-{seed}') for seed in range(6)]
+    for terrain in terrains:
+        check_profile(terrain)
+        dx, dy = np.diff(terrain.x[1:-1]), np.diff(terrain.y[1:-1])
+        assert (dy[::2] == 0.0).all()
+        assert (dx[::2] >= 1.0).all()
+        assert dx[1::2] == pytest.approx(0.5)
+        assert (dy[1::2] != 0.0).all()
+    runs = np.concatenate([np.diff(t.x[1:-1])[::2] for t in terrains])
+    rises = np.concatenate([np.diff(t.y[1:-1])[1::2] for t in terrains])
+    n = len(runs)
+    assert runs.mean() == pytest.approx(run, abs=4 * 0.25 * run / n**0.5)
+    assert rises.std() == pytest.approx(spread, rel=4 / (2 * n) ** 0.5)
+
+
+def test_runs_are_never_shorter_than_one_metre():
+    runs = np.diff(parse_terrain('hilly-1-1-3').x[1:-1])
+    assert runs.min() == pytest.approx(1.0)
+    assert np.median(runs) < 1.2
+
+
+def test_seed_decides():
+    a, b, c = (parse_terrain(f'hilly-1-10-{seed}') for seed in (0, 0, 1))
+    assert a.x.tobytes() == b.x.tobytes()
+    assert a.y.tobytes() == b.y.tobytes()
+    assert a.y[:5].tolist() != c.y[:5].tolist()
+
+
+def test_published_terrains_never_change():
+    # numpy.random.default_rng(0).standard_normal(4)
+    run_0, rise_0, run_1, rise_1 = 0.1257302210933933, -0.1321048632913019, 0.6404226504432821, \
+        0.10490011715303971
+    hilly = parse_terrain('hilly-1-10-0')
+    assert hilly.x[2] == pytest.approx(10.0 + 10.0 * (1.0 + 0.25 * run_0), rel=1e-14)
+    assert hilly.x[3] - hilly.x[2] == pytest.approx(10.0 * (1.0 + 0.25 * run_1), rel=1e-14)
+    assert hilly.y[2] == pytest.approx(5.0 + rise_0, rel=1e-14)
+    assert hilly.y[3] - hilly.y[2] == pytest.approx(rise_1, rel=1e-12)
+    steppy = parse_terrain('steppy-0.5-10-0')
+    assert steppy.x[3] - steppy.x[2] == pytest.approx(0.5)
+    assert steppy.y[3] == pytest.approx(5.0 + 0.5 * rise_0, rel=1e-14)
+
+
+def test_unseen_terrains_are_those_of_the_design():
+    assert len(set(UNSEEN_TERRAINS)) == 16
+    kinds = [name.partition('-')[0] for name in UNSEEN_TERRAINS]
+    assert [kinds.count(k) for k in ('hilly', 'steppy', 'downhill', 'uphill')] == [6, 6, 2, 2]
+    assert {'hilly-0.5-10-0', 'hilly-2-30-0', 'steppy-0.25-10-0', 'uphill-20'} < {*UNSEEN_TERRAINS}
+    for name in UNSEEN_TERRAINS:
+        terrain = parse_terrain(name)
+        check_profile(terrain)
+        assert terrain.name == name
+
+
+@steady
+@given(st.one_of(st.text(max_size=70), nearly_names))
+def test_any_text_is_a_terrain_or_invalid_input(text):
+    terrain, error = parsed(text)
+    if error:
+        assert error.field == 'terrain'
+        assert '\n' not in str(error)
+    else:
+        check_profile(terrain)
+
+
+@steady
+@given(
+    st.sampled_from(['hilly', 'steppy']), st.floats(0, 100), st.floats(1, 1000),
+    st.integers(0, 10**30),
+)
+def test_any_numbers_in_range_are_accepted(kind, spread, run, seed):
+    check_profile(parse_terrain(f'{kind}-{spread:.6f}-{run:.6f}-{seed}'))
+
+
+@pytest.mark.parametrize(
+    'name',
+    [
+        '', 'flat-', 'flat-1', ' flat', 'flat\n', 'Flat', 'hilly', 'hilly-1-10', 'hilly-1-10-0-0',
+        'hilly--1-10-0', 'hilly-1-10--1', 'hilly-1-10-0.5', 'hilly-1-0.9-0', 'hilly-1-1001-0',
+        'hilly-101-10-0', 'hilly-nan-10-0', 'hilly-1e1-10-0', 'steppy-1-10', 'uphill', 'uphill-',
+        'uphill-61', 'uphill--5', 'downhill-90', 'hilly-١-10-0', 'hilly-1-10-' + '0' * 60, None, 3,
+    ],
+)
+def test_rejected(name):
+    with pytest.raises(InvalidInput):
+        parse_terrain(name)
+
+
+def test_limits_are_inclusive():
+    for name in ('hilly-100-1-0', 'hilly-0-1000-0', 'uphill-60', 'downhill-0'):
+        check_profile(parse_terrain(name))
+    assert parse_terrain('uphill-60').height_at(11.0) == pytest.approx(5.0 + math.sqrt(3.0))
