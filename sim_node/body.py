@@ -5,8 +5,10 @@ the model: per voxel its 4 masses; then per voxel its 18 springs, its 4 contract
 welds to neighbours with a smaller index.
 """
 
+import functools
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pymunk
@@ -148,33 +150,54 @@ def _spring_ends() -> list[tuple[int, int, tuple[float, float], tuple[float, flo
 _SPRING_ENDS = _spring_ends()
 
 
-def _springs(corners: list[pymunk.Body], material: Material) -> list[pymunk.DampedSpring]:
+class _Spring(NamedTuple):
+    """One of a voxel's springs: masses, anchors [m] on them, rest length, stiffness, damping."""
+
+    a: int
+    b: int
+    anchor_a: tuple[float, float]
+    anchor_b: tuple[float, float]
+    rest_length: float
+    stiffness: float
+    damping: float
+
+
+@functools.cache
+def _springs_of(material: Material) -> tuple[_Spring, ...]:
+    """Return the 18 springs of a voxel; stiffness and damping follow from frequency and ratio."""
     rest = material.rest_lengths(material.side)
     omega = 2.0 * math.pi * material.frequency
+    half, reach = material.mass_side / 2, (material.side - material.mass_side) / 2
     springs = []
     for a, b, end_a, end_b, kind in _SPRING_ENDS:
-        half = material.mass_side / 2
         at_a, at_b = (end_a[0] * half, end_a[1] * half), (end_b[0] * half, end_b[1] * half)
-        m_eff = _effective_mass(corners[a], corners[b], at_a, at_b)
-        spring = pymunk.DampedSpring(
-            corners[a], corners[b], at_a, at_b,
-            rest_length=rest[kind],
+        x = (CORNERS[b][0] - CORNERS[a][0]) * reach + at_b[0] - at_a[0]
+        y = (CORNERS[b][1] - CORNERS[a][1]) * reach + at_b[1] - at_a[1]
+        axis = (x / math.hypot(x, y), y / math.hypot(x, y))
+        m_eff = _effective_mass(material, axis, at_a, at_b)
+        springs.append(_Spring(
+            a, b, at_a, at_b, rest[kind],
             stiffness=m_eff * omega**2,
             damping=2.0 * m_eff * material.damping_ratio * omega,
-        )
-        springs.append(spring)
-    return springs
+        ))
+    return tuple(springs)
 
 
 def _effective_mass(
-    a: pymunk.Body, b: pymunk.Body, anchor_a: tuple[float, float], anchor_b: tuple[float, float]
+    material: Material, axis: tuple[float, float], *anchors: tuple[float, float]
 ) -> float:
-    """Return the mass [kg] that a spring between the anchors feels along itself at rest."""
-    axis = (b.position + anchor_b - a.position - anchor_a).normalized()
-    inverse = 1.0 / a.mass + 1.0 / b.mass
-    for body, (rx, ry) in ((a, anchor_a), (b, anchor_b)):
-        inverse += (rx * axis.y - ry * axis.x) ** 2 / body.moment
+    """Return the mass [kg] that a spring along `axis` feels, at rest, at its two anchors."""
+    inverse = 0.0
+    for x, y in anchors:
+        inverse += 1.0 / material.mass + (x * axis[1] - y * axis[0]) ** 2 / material.moment
     return 1.0 / inverse
+
+
+def _springs(corners: list[pymunk.Body], material: Material) -> list[pymunk.DampedSpring]:
+    return [
+        pymunk.DampedSpring(corners[spring.a], corners[spring.b], *spring[2:])
+        for spring in _springs_of(material)
+    ]
 
 
 def _contraction_limits(

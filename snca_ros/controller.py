@@ -20,8 +20,12 @@ def deliver(cells, neighbors):
     for i in range(neighbors.shape[0]):
         for d in range(neighbors.shape[1]):
             sender = neighbors[i, d]
-            if sender >= 0:
-                cells.inbox[i, d] = cells.outbox[sender, _OPPOSITE[d] if directional else 0]
+            if sender < 0:
+                continue
+            side = _OPPOSITE[d] if directional else 0
+            for c in range(cells.inbox.shape[2]):
+                for h in range(cells.inbox.shape[3]):
+                    cells.inbox[i, d, c, h] = cells.outbox[sender, side, c, h]
 
 
 @compiled

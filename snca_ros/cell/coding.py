@@ -32,14 +32,18 @@ def encode(reading, last_spike, first_step, trains, neuron):
         first_step: SNN step of trains[0].
         trains: (16, n) spikes of a layer; column `neuron` is written with 0.0 and 1.0.
     """
+    n_steps = trains.shape[0]
     period = int(SNN_RATE // (reading * (F_MAX - F_MIN) + F_MIN))
-    for i in range(trains.shape[0]):
-        h = first_step + i
-        if last_spike == NEVER or (h > last_spike and (h - last_spike) % period == 0):
-            trains[i, neuron] = 1.0
-            last_spike = h
-        else:
-            trains[i, neuron] = 0.0
+    due = first_step
+    if last_spike != NEVER:
+        elapsed = max(first_step - last_spike, 1)
+        due = last_spike + (elapsed + period - 1) // period * period
+    for i in range(n_steps):
+        trains[i, neuron] = 0.0
+    while due < first_step + n_steps:
+        trains[due - first_step, neuron] = 1.0
+        last_spike = due
+        due += period
     return last_spike
 
 
