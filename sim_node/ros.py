@@ -46,6 +46,7 @@ class RosNode(Node):
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self.create_timer(1.0, self._publish_diagnostics)
         self.counters: dict[str, int] = {}
+        self._steps_reported = 0
 
     def parameter(
         self,
@@ -118,9 +119,12 @@ class RosNode(Node):
 
     def _publish_diagnostics(self) -> None:
         level, text = self.health()
+        steps, before = self.counters.get('steps', 0), self._steps_reported
+        self._steps_reported = steps
+        values = {**self.counters, 'steps per second': steps - before}
         status = DiagnosticStatus(
             level=level, name=self.get_fully_qualified_name(), message=text,
-            values=[KeyValue(key=k, value=str(v)) for k, v in self.counters.items()],
+            values=[KeyValue(key=k, value=str(v)) for k, v in values.items()],
         )
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()

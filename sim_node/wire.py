@@ -77,6 +77,8 @@ class WireFormat:
         else:
             fixed = None
         if fixed not in self._known:
+            if data[:4] != self._data[:4]:
+                raise ValueError(f'encapsulation {data[:4]!r}, expected {bytes(self._data[:4])!r}')
             self._check(deserialize_message(data, self._type))
             if fixed is None:
                 raise ValueError(f'{len(data)} bytes, expected {len(self._data)}')

@@ -3,6 +3,7 @@
 import signal
 
 import pytest
+from conftest import ROOT
 
 from snca_ros.controller_file import load_controller
 from snca_ros.nodes.bringup import WalkOptions, describe_graph
@@ -120,3 +121,14 @@ def test_one_process_hosts_several_voxels(start_node, node, spin_until, make_con
     assert [process.names for process in graph.voxels] == [
         ('voxel_0_0', 'voxel_0_1'), ('voxel_1_1',)
     ]
+
+
+def test_shipped_params_file_is_understood(start, node, spin_until):
+    child = start(
+        'sim_node', '--ros-args', '-r', '__ns:=/robot',
+        '--params-file', ROOT / 'config' / 'params' / 'hilly.yaml',
+    )
+    spin_until(lambda: ('sim_node', '/robot') in node.get_node_names_and_namespaces())
+    child.send_signal(signal.SIGINT)
+    output, _ = child.communicate(timeout=30)
+    assert child.returncode == 0, output
