@@ -29,5 +29,6 @@ class InvalidInput(ValueError):
 
 def near_miss(name: str, known: 'list[str] | tuple[str, ...]') -> str:
     """Return ", did you mean ...?" when `name` almost is one of `known`, else an empty text."""
-    close = difflib.get_close_matches(name, known, n=1)
-    return f" (did you mean '{close[0]}'?)" if close else ''
+    folded = {k.lower(): k for k in known}
+    close = difflib.get_close_matches(name.lower(), folded, n=1)
+    return f" (did you mean '{folded[close[0]]}'?)" if close else ''

@@ -72,13 +72,14 @@ def own_velocity(masses):
 
 
 @compiled
-def window_mean(window, step):
-    """Return the mean of the samples in a ring buffer that has seen `step` + 1 samples."""
-    n = min(step + 1, window.shape[0])
-    total = 0.0
-    for i in range(n):
-        total += window[i]
-    return total / n
+def window_means(windows, step):
+    """Return the means of the two rows of a (2, n) ring buffer that saw `step` + 1 samples."""
+    n = min(step + 1, windows.shape[1])
+    first = second = 0.0
+    for i in range(n):  # side by side, for neither sum has to wait for the other
+        first += windows[0, i]
+        second += windows[1, i]
+    return first / n, second / n
 
 
 @compiled
@@ -99,10 +100,11 @@ def read_sensors(voxel, step, touching, area_ratio, touches, velocities, reading
     velocities[0, step % VELOCITY_WINDOW] = along
     velocities[1, step % VELOCITY_WINDOW] = across
     readings[0] = soft_normalise(area_ratio, _AREA_LOW, _AREA_HIGH)
-    readings[1] = window_mean(touches, step)
-    for axis in range(2):
-        mean = window_mean(velocities[axis], step)
-        readings[2 + axis] = soft_normalise(mean, -_SPEED, _SPEED)
+    n = min(step + 1, TOUCH_WINDOW)
+    readings[1] = touches[:n].sum() / n  # whole numbers: exact in any order
+    along, across = window_means(velocities, step)
+    readings[2] = soft_normalise(along, -_SPEED, _SPEED)
+    readings[3] = soft_normalise(across, -_SPEED, _SPEED)
 
 
 @compiled

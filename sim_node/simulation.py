@@ -12,7 +12,7 @@ import numpy as np
 from sim_node import munk
 from sim_node.body import build_body
 from sim_node.compiled import compiled
-from sim_node.errors import InvalidInput
+from sim_node.errors import InvalidInput, near_miss
 from sim_node.material import Material
 from sim_node.morphology import Morphology, parse_morphology
 from sim_node.sensors import (
@@ -59,12 +59,13 @@ class Solver:
         known = list(cls.__dataclass_fields__)
         for key in values:
             if key not in known:
-                raise InvalidInput('solver', key, f'one of {", ".join(known)}')
+                expected = f'one of {", ".join(known)}' + near_miss(str(key), known)
+                raise InvalidInput('solver', key, expected)
         return cls(**values)
 
 
 class Diverged(ArithmeticError):
-    """The physics left the finite numbers; the episode cannot go on."""
+    """The physics left the finite numbers, or all bounds; the episode cannot go on."""
 
 
 class World(NamedTuple):

@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import os
 import sys
 
 from sim_node.errors import InvalidInput, near_miss
@@ -30,13 +31,13 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command named first; return the exit code."""
     argv = sys.argv[1:] if argv is None else argv
     name = argv[0] if argv else '--help'
-    if name in ('-h', '--help'):
-        print(_overview())
-        return 0
-    if name == '--version':
-        print(f'snca_ros {__version__}')
-        return 0
     try:
+        if name in ('-h', '--help'):
+            print(_overview(), flush=True)
+            return 0
+        if name == '--version':
+            print(f'snca_ros {__version__}', flush=True)
+            return 0
         if name in NODES:
             end_with_parent()
             return importlib.import_module(NODES[name][0]).main(argv[1:])
@@ -50,8 +51,11 @@ def main(argv: list[str] | None = None) -> int:
         return BAD_INPUT
     except KeyboardInterrupt:
         return 130
-    except BrokenPipeError:
-        sys.stderr.close()
+    except BrokenPipeError:  # nobody reads on; what is still in the buffer goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except OSError as error:  # a full disk, a folder that has gone
+        print(f'snca {name}: error: {error}', file=sys.stderr)
         return 1
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sim_node.errors import InvalidInput
+from sim_node.errors import InvalidInput, near_miss
 from sim_node.material import Material
 from sim_node.morphology import Morphology, parse_morphology
 from sim_node.simulation import Solver
@@ -20,6 +20,10 @@ from snca_ros.files import write_atomically
 
 FORMAT_VERSION = 1
 _MAX_BYTES = 64 * 2**20
+_FIELDS = (
+    'format_version', 'architecture', 'morphology', 'terrain', 'material', 'solver',
+    'fitness', 'seed', 'evaluations', 'versions',
+)
 
 
 @dataclass(frozen=True)
@@ -104,14 +108,18 @@ def _read(path: Path) -> tuple[dict, np.ndarray]:
     try:
         if path.stat().st_size > _MAX_BYTES:
             raise InvalidInput('file', f'{path.stat().st_size} bytes', f'at most {_MAX_BYTES}')
-        with np.load(path, allow_pickle=False) as data:
-            if not isinstance(data, np.lib.npyio.NpzFile):
-                raise InvalidInput('file', 'a single array', expected)
+        archive = np.load(path, allow_pickle=False)
+        if not isinstance(archive, np.lib.npyio.NpzFile):
+            raise InvalidInput('file', 'a single array', expected)
+        with archive as data:
+            entries = data.zip.infolist() if data.zip else []
+            size = sum(entry.file_size for entry in entries)
+            if size > _MAX_BYTES:
+                raise InvalidInput('file', f'{size} bytes unpacked', f'at most {_MAX_BYTES}')
             missing = {'header', 'theta'} - set(data.files)
             if missing:
                 raise InvalidInput(sorted(missing)[0], None, 'an entry of that name')
-            header = json.loads(str(data['header'][()]))
-            theta = data['theta']
+            header, theta = _parsed(data['header']), data['theta']
     except InvalidInput:
         raise
     except OSError as error:
@@ -120,18 +128,43 @@ def _read(path: Path) -> tuple[dict, np.ndarray]:
         raise InvalidInput('file', str(error), expected) from None
     except Exception as error:  # zlib.error and whatever else a damaged archive provokes
         raise InvalidInput('file', f'{type(error).__name__}: {error}', expected) from None
-    if not isinstance(header, dict):
-        raise InvalidInput('header', header, 'a JSON object')
     return header, theta
 
 
-def _field(header: dict, name: str, kinds: type | tuple[type, ...]) -> Any:
-    value = header.get(name)
+def _parsed(text: np.ndarray) -> dict:
+    if text.shape != () or text.dtype.kind != 'U':
+        shown = f'{text.dtype} of shape {text.shape}'
+        raise InvalidInput('header', shown, 'one text')
+    try:
+        header = json.loads(text.item())
+    except (ValueError, RecursionError) as error:
+        raise InvalidInput('header', str(error), 'a JSON object') from None
+    if not isinstance(header, dict):
+        raise InvalidInput('header', header, 'a JSON object')
+    return header
+
+
+def _check_keys(field: str, values: dict, known: tuple[str, ...]) -> None:
+    for key in values:
+        if key not in known:
+            expected = f'one of {", ".join(known)}' + near_miss(key, known)
+            raise InvalidInput(field, key, expected)
+
+
+def _field(values: dict, name: str, kinds: type | tuple[type, ...], outer: str = '') -> Any:
+    value = values.get(name)
     if not isinstance(value, kinds) or isinstance(value, bool):
         names = kinds.__name__ if isinstance(kinds, type) else ' or '.join(
             k.__name__ for k in kinds
         )
-        raise InvalidInput(name, value, f'a value of type {names}')
+        raise InvalidInput(f'{outer}{name}', value, f'a value of type {names}')
+    return value
+
+
+def _count(header: dict, name: str) -> int:
+    value = _field(header, name, int)
+    if value < 0:
+        raise InvalidInput(name, value, 'an integer from 0')
     return value
 
 
@@ -139,11 +172,12 @@ def _checked(header: dict, theta: np.ndarray) -> TrainedController:
     version = _field(header, 'format_version', int)
     if version != FORMAT_VERSION:
         raise InvalidInput('format_version', version, str(FORMAT_VERSION))
+    _check_keys('header', header, _FIELDS)
     architecture = Architecture.from_dict(_field(header, 'architecture', dict))
     shape = _field(header, 'morphology', dict)
-    morphology = Morphology(
-        str(shape.get('name')), parse_morphology(shape.get('grid')).cells
-    )
+    _check_keys('morphology', shape, ('name', 'grid'))
+    name = _field(shape, 'name', str, 'morphology.')
+    morphology = Morphology(name, parse_morphology(shape.get('grid', '')).cells)
     terrain = parse_terrain(_field(header, 'terrain', str)).name
     expected = architecture.n_parameters(morphology.n_voxels)
     if theta.dtype != np.float64 or theta.shape != (expected,):
@@ -159,8 +193,8 @@ def _checked(header: dict, theta: np.ndarray) -> TrainedController:
         terrain=terrain,
         material=Material.from_dict(_field(header, 'material', dict)),
         solver=Solver.from_dict(_field(header, 'solver', dict)),
-        fitness=float(_field(header, 'fitness', (int, float))),
-        seed=_field(header, 'seed', int),
-        evaluations=_field(header, 'evaluations', int),
+        fitness=_field(header, 'fitness', float),
+        seed=_count(header, 'seed'),
+        evaluations=_count(header, 'evaluations'),
         versions={str(k): str(v) for k, v in _field(header, 'versions', dict).items()},
     )

@@ -132,7 +132,8 @@ class Architecture:
         known = list(cls.__dataclass_fields__)
         for key in values:
             if key not in known:
-                raise InvalidInput('architecture', key, f'one of {", ".join(known)}')
+                expected = f'one of {", ".join(known)}' + near_miss(str(key), known)
+                raise InvalidInput('architecture', key, expected)
         for key in ('uniform', 'directional', 'neuron_model'):
             if key not in values:
                 raise InvalidInput(f'architecture.{key}', None, 'a value')

@@ -22,6 +22,13 @@ HISTORY = ('generation', 'evaluations', 'best', 'median', 'worst', 'best_so_far'
 """Columns of history.csv; fitness values are v_x [m/s] of the generation's evaluations."""
 
 
+_LOCK = '.lock'
+
+
+def _unwritable(path: Path, error: OSError) -> InvalidInput:
+    return InvalidInput('run', error.strerror, 'a folder that can be written', str(path))
+
+
 @dataclass
 class Progress:
     """Where a run stands.
@@ -48,34 +55,39 @@ class RunFolder:
 
     def __init__(self, path: Path, config: RunConfig) -> None:
         self.path, self.config = path, config
-        self._lock = (path / '.lock').open('w')
+        try:
+            self._lock = (path / _LOCK).open('w')
+        except OSError as error:
+            raise _unwritable(path, error) from None
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             self._lock.close()
             expected = 'a run folder that no other process is working on'
-            raise InvalidInput('run', str(path), expected) from None
+            raise InvalidInput('run', 'one in use', expected, str(path)) from None
+        for left in path.glob('.*.tmp'):  # by a process that was killed while it wrote
+            left.unlink(missing_ok=True)
 
     @classmethod
     def create(cls, path: Path, config: RunConfig) -> 'RunFolder':
         """Make a new run folder; InvalidInput if there is one already."""
-        if (path / 'config.yaml').exists() or (path.exists() and any(path.iterdir())):
-            expected = 'a new or empty folder (add --resume to go on with the run in it)'
-            raise InvalidInput('run', str(path), expected)
         try:
             path.mkdir(parents=True, exist_ok=True)
+            # A run killed before it had its config.yaml leaves no more than this.
+            if any(p.name != _LOCK and not p.match('.config.yaml.*.tmp') for p in path.iterdir()):
+                expected = 'a new or empty folder (add --resume to go on with the run in it)'
+                raise InvalidInput('run', 'files in it', expected, str(path))
             folder = cls(path, config)
             write_text(path / 'config.yaml', config.to_yaml())
         except OSError as error:
-            expected = 'a folder that can be written'
-            raise InvalidInput('run', f'{path}: {error.strerror}', expected) from None
+            raise _unwritable(path, error) from None
         return folder
 
     @classmethod
     def resume(cls, path: Path) -> 'RunFolder':
         """Open the run folder of a run that was stopped; InvalidInput if there is none."""
         if not (path / 'config.yaml').exists():
-            raise InvalidInput('run', str(path), 'the folder of an earlier run (config.yaml)')
+            raise InvalidInput('config.yaml', None, 'the folder of an earlier run', str(path))
         return cls(path, RunConfig.from_yaml(path / 'config.yaml'))
 
     def load(self) -> Progress:
@@ -86,13 +98,40 @@ class RunFolder:
         try:
             with np.load(path, allow_pickle=False) as data:
                 arrays = {name: data[name] for name in data.files}
+            self._check(arrays)
             rows = arrays.pop('history')
             progress = Progress(arrays, [tuple(row) for row in rows.tolist()])
+        except InvalidInput as error:
+            raise error.found_in(str(path)) from None
         except Exception as error:
             expected = 'a checkpoint written by evolve'
             raise InvalidInput('file', str(error), expected, str(path)) from None
         self._write_views(progress)
         return progress
+
+    def _check(self, arrays: dict[str, np.ndarray]) -> None:
+        config = self.config
+        n = min(len(arrays.get('individuals', ())), config.population)
+        expected = {
+            'individuals': (n, config.n_parameters),
+            'fitness': (n,),
+            'history': (int(arrays.get('generation', np.array(0)).flat[0]), len(HISTORY)),
+            'generation': (),
+        }
+        if arrays.keys() != expected.keys():
+            raise InvalidInput('entries', sorted(arrays), ', '.join(sorted(expected)))
+        for name, shape in expected.items():
+            array, kind = arrays[name], 'i' if name == 'generation' else 'f'
+            if array.shape != shape or array.dtype.kind != kind or 0 in shape:
+                shown = f'{array.dtype} of shape {array.shape}'
+                raise InvalidInput(name, shown, f'numbers of shape {shape}, none of them 0')
+        fitness, spent = arrays['fitness'], arrays['history'][:, 1]
+        if not np.isfinite(arrays['individuals']).all():
+            raise InvalidInput('individuals', 'not finite', 'finite numbers')
+        if not (fitness[:-1] >= fitness[1:]).all() or np.isnan(fitness).any():
+            raise InvalidInput('fitness', fitness.tolist(), 'numbers, the best first')
+        if not (np.diff(spent, prepend=0) > 0).all() or not spent[-1] <= config.evaluations:
+            raise InvalidInput('history', spent.tolist(), f'up to {config.evaluations} evaluations')
 
     def save(self, progress: Progress) -> None:
         """Replace the checkpoint, then history.csv and best.npz."""

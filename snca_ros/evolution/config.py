@@ -1,6 +1,5 @@
 """What one evolutionary run is: checked, and kept beside its results as config.yaml."""
 
-import math
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -77,7 +76,7 @@ class RunConfig:
         """Read config.yaml; InvalidInput with the file's name if it cannot be used."""
         try:
             values = yaml.safe_load(path.read_text())
-        except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
             reason = ' '.join(str(error).split())
             raise InvalidInput('file', reason, 'a run configuration', str(path)) from None
         try:
@@ -111,6 +110,6 @@ class RunConfig:
 
 def _check(name: str, value: Any, kinds: type | tuple, low: float, high: float) -> None:
     is_kind = isinstance(value, kinds) and not isinstance(value, bool)
-    if not is_kind or not math.isfinite(value) or not low <= value <= high:
+    if not is_kind or not low <= value <= high:
         kind = 'an integer' if kinds is int else 'a number'
         raise InvalidInput(name, value, f'{kind} from {low:g} to {high:g}')

@@ -155,7 +155,8 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         options = ('shape', 'architecture', 'neuron_model', *_OF_THE_CELL, *_OF_THE_RUN, 'run')
         extra = _given(args, options)
         if extra:
-            parser.error(f'--resume goes on with the run as it is; drop --{next(iter(extra))}')
+            option = next(iter(extra)).replace('_', '-')
+            parser.error(f'--resume goes on with the run as it is; drop --{option}')
         folder = RunFolder.resume(args.resume)
     else:
         config = _new_config(args)

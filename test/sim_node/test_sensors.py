@@ -17,7 +17,7 @@ from sim_node.sensors import (
     read_sensors,
     sample_windows,
     soft_normalise,
-    window_mean,
+    window_means,
 )
 
 steady = settings(deadline=None, derandomize=True)
@@ -117,12 +117,13 @@ def test_velocity_is_the_mean_of_the_masses():
 
 
 def test_window_mean_of_the_first_steps_counts_only_what_passed():
-    window = np.zeros(4)
+    windows = np.zeros((2, 4))
     means = []
     for step, value in enumerate((3.0, 1.0, 2.0, 6.0, 7.0, 1.0)):
-        window[step % 4] = value
-        means.append(window_mean(window, step))
-    assert means == [3.0, 2.0, 2.0, 3.0, 4.0, 4.0]
+        windows[:, step % 4] = value, -2.0 * value
+        means.append(window_means(windows, step))
+    assert [first for first, _ in means] == [3.0, 2.0, 2.0, 3.0, 4.0, 4.0]
+    assert [second for _, second in means] == [-6.0, -4.0, -4.0, -6.0, -8.0, -8.0]
 
 
 def test_readings_over_many_steps():

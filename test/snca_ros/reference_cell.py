@@ -84,10 +84,8 @@ class LifNeuron:
 
         self.v = self.v - self.lambda_v * self.dt * self.v + drive  # paper, Eq. 1
 
-        if self.as_printed:
-            spike = self.v > self.theta  # paper, below Eq. 1: 'exceeds'
-        else:
-            spike = self.v >= self.theta  # model description, SNN, 3
+        # As printed (paper, below Eq. 1) 'exceeds'; model description, SNN, 3: reaches.
+        spike = self.v > self.theta if self.as_printed else self.v >= self.theta
 
         if spike:
             self.v = V_REST  # paper, below Eq. 1

@@ -1,0 +1,135 @@
+"""Files appear whole or not at all, whatever happens while they are written."""
+
+import errno
+import os
+import signal
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import snca_ros.files
+from snca_ros.files import write_atomically, write_text
+
+ROOT = Path(snca_ros.__file__).parents[1]
+LIMIT = 120.0  # s; only a hang reaches it
+
+WRITER = """
+import signal
+import sys
+from pathlib import Path
+from snca_ros.files import write_atomically
+
+# A shell without job control starts its background jobs with SIGINT ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
+def write(file):
+    file.write(b'half of')
+    file.flush()
+    print('half', flush=True)
+    sys.stdin.read()  # ends only by a signal
+
+write_atomically(Path(sys.argv[1]), write)
+"""
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(p.name for p in folder.iterdir())
+
+
+@pytest.mark.parametrize('old', [None, b'the old content'])
+def test_file_is_created_or_replaced(tmp_path, old):
+    path = tmp_path / 'file.bin'
+    if old is not None:
+        path.write_bytes(old)
+    write_atomically(path, lambda file: file.write(b'new\x00\xff'))
+    assert path.read_bytes() == b'new\x00\xff'
+    assert names(tmp_path) == ['file.bin']
+    assert stat.S_IMODE(path.stat().st_mode) == 0o644
+
+
+def test_text_is_utf_8(tmp_path):
+    write_text(tmp_path / 'a.txt', 'ψ⁰ = 0\n')
+    assert (tmp_path / 'a.txt').read_bytes() == 'ψ⁰ = 0\n'.encode()
+
+
+def test_readers_of_the_old_file_keep_it(tmp_path):
+    path = tmp_path / 'file.bin'
+    path.write_bytes(b'old')
+    with path.open('rb') as reader:
+        write_atomically(path, lambda file: file.write(b'new'))
+        assert reader.read() == b'old'
+    assert path.read_bytes() == b'new'
+
+
+def test_content_is_on_the_disk_before_it_gets_its_name(tmp_path, monkeypatch):
+    calls = []
+    fsync, replace = os.fsync, os.replace
+    monkeypatch.setattr(os, 'fsync', lambda fd: calls.append('fsync') or fsync(fd))
+    monkeypatch.setattr(os, 'replace', lambda *a: calls.append('replace') or replace(*a))
+    write_atomically(tmp_path / 'file.bin', lambda file: file.write(b'x'))
+    assert calls == ['fsync', 'replace']
+
+
+@pytest.mark.parametrize('old', [None, b'the old content'])
+@pytest.mark.parametrize('error', [ValueError, OSError, MemoryError, KeyboardInterrupt, SystemExit])
+def test_error_while_writing_leaves_the_folder_as_it_was(tmp_path, error, old):
+    path = tmp_path / 'file.bin'
+    if old is not None:
+        path.write_bytes(old)
+
+    def write(file):
+        file.write(b'half of')
+        file.flush()
+        raise error
+
+    with pytest.raises(error):
+        write_atomically(path, write)
+    assert names(tmp_path) == ([] if old is None else ['file.bin'])
+    assert old is None or path.read_bytes() == old
+
+
+@pytest.mark.parametrize('call', ['fsync', 'chmod', 'replace'])
+@pytest.mark.parametrize('old', [None, b'the old content'])
+def test_full_disk_leaves_the_folder_as_it_was(tmp_path, monkeypatch, call, old):
+    path = tmp_path / 'file.bin'
+    if old is not None:
+        path.write_bytes(old)
+
+    def fail(*args):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(snca_ros.files.os, call, fail)
+    with pytest.raises(OSError, match='No space left'):
+        write_atomically(path, lambda file: file.write(b'new'))
+    assert names(tmp_path) == ([] if old is None else ['file.bin'])
+    assert old is None or path.read_bytes() == old
+
+
+def test_no_folder_is_an_error_and_none_is_made(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        write_text(tmp_path / 'missing' / 'file.txt', 'x')
+    assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize('end', [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_signal_while_writing_leaves_the_old_file(tmp_path, end):
+    path = tmp_path / 'file.bin'
+    path.write_bytes(b'the old content')
+    with subprocess.Popen(
+        [sys.executable, '-c', WRITER, str(path)],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+        env={**os.environ, 'PYTHONPATH': str(ROOT)},
+    ) as writer:
+        assert writer.stdout.readline() == b'half\n'
+        assert path.read_bytes() == b'the old content'
+        writer.send_signal(end)
+        assert writer.wait(LIMIT) != 0
+    assert path.read_bytes() == b'the old content'
+    left = [name for name in names(tmp_path) if name != 'file.bin']
+    if end == signal.SIGINT:  # a signal that Python sees
+        assert left == []
+    # Nobody can clean up after SIGKILL; what it leaves is hidden and named as temporary.
+    assert all(name.startswith('.file.bin.') and name.endswith('.tmp') for name in left)
