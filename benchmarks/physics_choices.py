@@ -9,7 +9,8 @@ import pymunk
 
 from sim_node import body
 from sim_node.material import Material
-from sim_node.simulation import Diverged, Simulation, Solver
+from sim_node.simulation import Diverged, Simulation
+from sim_node.solver import Solver
 from sim_node.terrain import Terrain
 
 SOLVERS = [Solver(*s) for s in ((1, 5), (1, 7), (1, 10), (1, 20), (2, 10), (4, 20), (1, 10, True))]

@@ -23,8 +23,9 @@ from sim_node.errors import InvalidInput
 from sim_node.material import Material
 from sim_node.morphology import parse_morphology
 from sim_node.ros import RosNode, run_nodes
-from sim_node.simulation import CONTROL_RATE, Diverged, Simulation, Solver
-from sim_node.stamps import stamp_of_step
+from sim_node.simulation import Diverged, Simulation
+from sim_node.solver import Solver
+from sim_node.stamps import CONTROL_RATE, stamp_of_step
 
 _MARKER_PERIOD = 2  # control steps: 30 Hz of simulated time
 _FAILED = 1

@@ -4,7 +4,6 @@ This is the seam behind which an engine stands. `World` is what compiled code ne
 engine; `advance` is one control step on it, called by `Simulation.step` and by whole episodes.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from sim_node import munk
 from sim_node.body import build_body
 from sim_node.compiled import compiled
-from sim_node.errors import InvalidInput, near_miss
+from sim_node.errors import InvalidInput
 from sim_node.material import Material
 from sim_node.morphology import Morphology, parse_morphology
 from sim_node.sensors import (
@@ -23,45 +22,11 @@ from sim_node.sensors import (
     read_sensors,
     sample_windows,
 )
+from sim_node.solver import Solver
+from sim_node.stamps import CONTROL_RATE
 from sim_node.terrain import Terrain, parse_terrain
 
-CONTROL_RATE = 60
-"""Control steps per second (paper: f_k = 60 Hz)."""
-
 _MAX_AREA_RATIO = 100.0
-
-
-@dataclass(frozen=True)
-class Solver:
-    """How finely the engine solves a control step; defaults measured, see docs/physics.md.
-
-    Attributes:
-        substeps: physics steps per control step.
-        iterations: sweeps of the impulse solver per physics step.
-        self_collision: whether masses of one robot collide with each other.
-    """
-
-    substeps: int = 1
-    iterations: int = 10
-    self_collision: bool = False
-
-    def __post_init__(self) -> None:
-        for name, high in (('substeps', 100), ('iterations', 1000)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= high:
-                raise InvalidInput(f'solver.{name}', value, f'an integer from 1 to {high}')
-        if not isinstance(self.self_collision, bool):
-            raise InvalidInput('solver.self_collision', self.self_collision, 'true or false')
-
-    @classmethod
-    def from_dict(cls, values: dict) -> 'Solver':
-        """Return the solver with `values` in place of defaults; InvalidInput if one is off."""
-        known = list(cls.__dataclass_fields__)
-        for key in values:
-            if key not in known:
-                expected = f'one of {", ".join(known)}' + near_miss(str(key), known)
-                raise InvalidInput('solver', key, expected)
-        return cls(**values)
 
 
 class Diverged(ArithmeticError):

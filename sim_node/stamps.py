@@ -1,7 +1,9 @@
 """Control steps as time stamps and back: exact, in integers."""
 
 from sim_node.errors import InvalidInput
-from sim_node.simulation import CONTROL_RATE
+
+CONTROL_RATE = 60
+"""Control steps per second (paper: f_k = 60 Hz)."""
 
 
 def stamp_of_step(step: int) -> tuple[int, int]:

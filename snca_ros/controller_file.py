@@ -12,7 +12,7 @@ import numpy as np
 from sim_node.errors import InvalidInput, near_miss
 from sim_node.material import Material
 from sim_node.morphology import Morphology, parse_morphology
-from sim_node.simulation import Solver
+from sim_node.solver import Solver
 from sim_node.terrain import parse_terrain
 from snca_ros.cell.nca import Architecture
 from snca_ros.controller import Controller

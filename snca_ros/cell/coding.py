@@ -1,7 +1,7 @@
 """Rate coding: sensor readings become spike trains, output spikes become actuation."""
 
 from sim_node.compiled import compiled
-from sim_node.simulation import CONTROL_RATE
+from sim_node.stamps import CONTROL_RATE
 
 SNN_STEPS = 16
 """SNN steps per control step (paper: f_h = 16 f_k)."""

@@ -9,7 +9,8 @@ import yaml
 from sim_node.errors import InvalidInput, near_miss
 from sim_node.material import Material
 from sim_node.morphology import parse_morphology
-from sim_node.simulation import Simulation, Solver
+from sim_node.simulation import Simulation
+from sim_node.solver import Solver
 from sim_node.terrain import parse_terrain
 from snca_ros.cell.nca import Architecture
 from snca_ros.evolution.locomotion import EPISODE, TRANSIENT

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_node.compiled import compiled
-from sim_node.simulation import CONTROL_RATE, Simulation, advance, center
+from sim_node.simulation import Simulation, advance, center
+from sim_node.stamps import CONTROL_RATE
 from snca_ros.controller import Controller, step_cells
 
 EPISODE, TRANSIENT = 30.0, 5.0

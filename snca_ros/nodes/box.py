@@ -1,4 +1,4 @@
-"""The controllers in the box: config/controllers, in a checkout or installed."""
+"""What is in the box: config/ with its controllers, in a checkout or installed."""
 
 import os
 import sys
@@ -8,14 +8,29 @@ from sim_node.errors import InvalidInput, near_miss
 
 DEFAULT_CONTROLLER = 'biped-U-nD-snn-h'
 
-_INSTALLED = Path('share') / 'snca_ros' / 'config' / 'controllers'
+def config_folders() -> list[Path]:
+    """Return the folders that hold config/, the checkout's before the installed ones."""
+    prefixes = [sys.prefix, *os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)]
+    installed = [Path(p) / 'share' / 'snca_ros' / 'config' for p in prefixes if p]
+    return [Path(__file__).resolve().parents[2] / 'config', *installed]
+
+
+def graph_environment() -> dict[str, str]:
+    """Return what the processes of a graph find in their environment; what is set there stays."""
+    defaults = {
+        # The graph is on this host; UDP leaves no shared memory behind a killed process.
+        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+        'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',
+    }
+    for path in (folder / 'fastdds.xml' for folder in config_folders()):
+        if path.exists():
+            defaults.setdefault('FASTDDS_DEFAULT_PROFILES_FILE', str(path))
+    return {name: os.environ.get(name, value) for name, value in defaults.items()}
 
 
 def boxed_controllers() -> dict[str, Path]:
     """Return the controllers in the box, name to file."""
-    prefixes = [sys.prefix, *os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)]
-    checkout = Path(__file__).resolve().parents[2] / 'config' / 'controllers'
-    folders = [checkout, *(Path(prefix) / _INSTALLED for prefix in prefixes if prefix)]
+    folders = [folder / 'controllers' for folder in config_folders()]
     return {p.stem: p for folder in reversed(folders) for p in sorted(folder.glob('*.npz'))}
 
 

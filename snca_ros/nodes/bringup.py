@@ -14,8 +14,6 @@ from sim_node.errors import InvalidInput
 from sim_node.morphology import DIRECTIONS, Morphology
 from snca_ros.controller_file import TrainedController
 
-PACKAGE = 'snca_ros'
-
 
 @dataclass(frozen=True, eq=False)
 class NodeProcess:

@@ -28,7 +28,9 @@ STORAGES = {'mcap': StoragePlugin.MCAP, 'sqlite3': StoragePlugin.SQLITE3}
 GLOBAL_TOPICS = ('/clock', '/diagnostics', '/rosout')
 
 _QUEUE = 20_000  # messages of one topic that may wait while the disk is slow
-_LOOK_PERIOD = 0.1  # seconds between looks for new topics
+_LOOK_PERIOD = 0.1  # seconds between looks for new topics, while a graph comes up
+_LOOK_SELDOM = 1.0  # and once nothing new has come for a while
+_SETTLED = 10.0
 _QUIET = 0.3  # seconds without a message after which a stopped graph counts as drained
 _FAILED = 1
 
@@ -49,8 +51,8 @@ class RecorderNode(RosNode):
         self._topics: set[str] = set()
         self._last_message = 0.0
         self._writer = self._open(Path(path), STORAGES[storage])
-        self.create_timer(_LOOK_PERIOD, self._look_for_topics)
-        self._look_for_topics()
+        self._newest_topic = time.monotonic()
+        self._look_timer = self.create_timer(_LOOK_PERIOD, self._look_for_topics)
 
     def _open(self, path: Path, storage: StoragePlugin) -> Writer:
         try:
@@ -71,6 +73,9 @@ class RecorderNode(RosNode):
             mine = topic.startswith(prefix) or topic in GLOBAL_TOPICS
             if mine and topic not in self._topics:
                 self._record(topic, types[0])
+                self._newest_topic = time.monotonic()
+        settled = self._topics and time.monotonic() - self._newest_topic > _SETTLED
+        self._look_timer.timer_period_ns = int((_LOOK_SELDOM if settled else _LOOK_PERIOD) * 1e9)
 
     def _record(self, topic: str, message_type: str) -> None:
         publishers = self.get_publishers_info_by_topic(topic)

@@ -15,22 +15,17 @@ from rclpy.signals import SignalHandlerOptions
 
 from sim_node.errors import InvalidInput
 from sim_node.morphology import parse_morphology
-from sim_node.simulation import CONTROL_RATE, Simulation
+from sim_node.simulation import Simulation
+from sim_node.stamps import CONTROL_RATE
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.locomotion import run_episode
-from snca_ros.nodes.box import DEFAULT_CONTROLLER, find_controller
+from snca_ros.nodes.box import DEFAULT_CONTROLLER, find_controller, graph_environment
 from snca_ros.nodes.bringup import Graph, WalkOptions, describe_graph, robot_name
 from snca_ros.nodes.processes import RunningGraph
 from snca_ros.study import report
 from snca_ros.study.bag import read_bag
 
 INTERRUPTED = 130
-
-_DEFAULTS = {
-    # The graph is on this host; UDP leaves no shared memory behind when a process is killed.
-    'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-    'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',
-}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -93,7 +88,7 @@ def _walk(graph: Graph, duration: float) -> int:
         f'/{graph.robot}: {n} voxels in {len(graph.voxels)} processes, one simulation'
         f'{", one recorder" if graph.recorder else ""}', file=sys.stderr,
     )
-    environment = {k: os.environ.get(k, v) for k, v in _DEFAULTS.items()}
+    environment = graph_environment()
     os.environ.update(environment)
     try:
         with RunningGraph(graph, environment) as running:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from sim_node.errors import InvalidInput
-from sim_node.simulation import CONTROL_RATE
+from sim_node.stamps import CONTROL_RATE
 from snca_ros.files import write_atomically
 from snca_ros.study.bag import Recording
 from snca_ros.study.gait import area_ratios, spike_times

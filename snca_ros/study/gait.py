@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_node.simulation import CONTROL_RATE
+from sim_node.stamps import CONTROL_RATE
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.evolution.locomotion import TRANSIENT, mean_velocity
 from snca_ros.study.bag import Recording

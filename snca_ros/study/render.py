@@ -9,7 +9,8 @@ from PIL import Image
 
 from sim_node.errors import InvalidInput
 from sim_node.render import View, draw_frame
-from sim_node.simulation import CONTROL_RATE, Diverged, Simulation
+from sim_node.simulation import Diverged, Simulation
+from sim_node.stamps import CONTROL_RATE
 from sim_node.terrain import Terrain
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.files import write_atomically

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from sim_node.errors import InvalidInput
-from sim_node.simulation import CONTROL_RATE
+from sim_node.stamps import CONTROL_RATE
 from snca_ros.evolution.locomotion import TRANSIENT
 from snca_ros.files import write_text
 from snca_ros.study.bag import Recording, TopicCount, read_bag

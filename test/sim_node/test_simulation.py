@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from sim_node.errors import InvalidInput
 from sim_node.material import Material
 from sim_node.morphology import parse_morphology
-from sim_node.simulation import Diverged, Simulation, Solver
+from sim_node.simulation import Diverged, Simulation
+from sim_node.solver import Solver
 from sim_node.terrain import parse_terrain
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -22,7 +22,7 @@ import snca_ros.controller_file
 from sim_node.errors import InvalidInput
 from sim_node.material import Material
 from sim_node.morphology import parse_morphology
-from sim_node.simulation import Solver
+from sim_node.solver import Solver
 from snca_ros.cell.nca import Architecture
 from snca_ros.controller_file import TrainedController, load_controller, save_controller
 

@@ -1,0 +1,38 @@
+"""How finely an engine solves a control step."""
+
+from dataclasses import dataclass
+
+from sim_node.errors import InvalidInput, near_miss
+
+
+@dataclass(frozen=True)
+class Solver:
+    """How finely the engine solves a control step; defaults measured, see docs/physics.md.
+
+    Attributes:
+        substeps: physics steps per control step.
+        iterations: sweeps of the impulse solver per physics step.
+        self_collision: whether masses of one robot collide with each other.
+    """
+
+    substeps: int = 1
+    iterations: int = 10
+    self_collision: bool = False
+
+    def __post_init__(self) -> None:
+        for name, high in (('substeps', 100), ('iterations', 1000)):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= high:
+                raise InvalidInput(f'solver.{name}', value, f'an integer from 1 to {high}')
+        if not isinstance(self.self_collision, bool):
+            raise InvalidInput('solver.self_collision', self.self_collision, 'true or false')
+
+    @classmethod
+    def from_dict(cls, values: dict) -> 'Solver':
+        """Return the solver with `values` in place of defaults; InvalidInput if one is off."""
+        known = list(cls.__dataclass_fields__)
+        for key in values:
+            if key not in known:
+                expected = f'one of {", ".join(known)}' + near_miss(str(key), known)
+                raise InvalidInput('solver', key, expected)
+        return cls(**values)
