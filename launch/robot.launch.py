@@ -16,8 +16,8 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
+from snca_ros.box import DEFAULT_CONTROLLER, find_controller, graph_environment
 from snca_ros.controller_file import load_controller
-from snca_ros.nodes.box import DEFAULT_CONTROLLER, find_controller, graph_environment
 from snca_ros.nodes.bringup import WalkOptions, describe_graph
 
 ARGUMENTS = {

@@ -17,9 +17,9 @@ from sim_node.errors import InvalidInput
 from sim_node.morphology import parse_morphology
 from sim_node.simulation import Simulation
 from sim_node.stamps import CONTROL_RATE
+from snca_ros.box import DEFAULT_CONTROLLER, find_controller, graph_environment
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.locomotion import run_episode
-from snca_ros.nodes.box import DEFAULT_CONTROLLER, find_controller, graph_environment
 from snca_ros.nodes.bringup import Graph, WalkOptions, describe_graph, robot_name
 from snca_ros.nodes.processes import RunningGraph
 from snca_ros.study import report

@@ -12,6 +12,7 @@ from sim_node.render import View, draw_frame
 from sim_node.simulation import Diverged, Simulation
 from sim_node.stamps import CONTROL_RATE
 from sim_node.terrain import Terrain
+from snca_ros.box import find_controller
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.files import write_atomically
 
@@ -45,7 +46,8 @@ class Film:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `render`."""
-    parser.add_argument('controller', type=Path, help='controller file (.npz)')
+    parser.add_argument('controller',
+                        help='controller file (.npz), or the name of one in the box')
     parser.add_argument('out', type=Path, metavar='OUT',
                         help=f'.gif, or .png for a strip of {_N_POSES} poses')
     parser.add_argument('--duration', type=float, default=8.0, help='seconds to show (default 8)')
@@ -66,7 +68,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     _check('fps', args.fps, 1, 50)
     _check('start', args.start, 0, 3600)
     _check('duration', args.duration, 1 / CONTROL_RATE, 120)
-    trained = load_controller(args.controller)
+    trained = load_controller(find_controller(args.controller))
     # A GIF counts in hundredths of a second.
     hundredths = round(100 / args.fps)
     times = (

@@ -12,7 +12,7 @@ def config_folders() -> list[Path]:
     """Return the folders that hold config/, the checkout's before the installed ones."""
     prefixes = [sys.prefix, *os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)]
     installed = [Path(p) / 'share' / 'snca_ros' / 'config' for p in prefixes if p]
-    return [Path(__file__).resolve().parents[2] / 'config', *installed]
+    return [Path(__file__).resolve().parents[1] / 'config', *installed]
 
 
 def graph_environment() -> dict[str, str]:
