@@ -6,17 +6,12 @@ ros2 launch snca_ros robot.launch.py controller:=FILE.npz bag:=walk.bag voxels_p
 import tempfile
 from pathlib import Path
 
-from launch.actions import (
-    DeclareLaunchArgument,
-    OpaqueFunction,
-    SetEnvironmentVariable,
-    Shutdown,
-)
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
-from snca_ros.box import DEFAULT_CONTROLLER, find_controller, graph_environment
+from snca_ros.box import DEFAULT_CONTROLLER, find_controller
 from snca_ros.controller_file import load_controller
 from snca_ros.nodes.bringup import WalkOptions, describe_graph
 
@@ -42,7 +37,7 @@ def _nodes(context):
     graph = describe_graph(path, load_controller(path), options)
     params = Path(tempfile.mkdtemp(prefix='snca_ros_')) / 'params.yaml'
     params.write_text(graph.parameters_yaml())
-    nodes = [
+    return [
         Node(
             package='snca_ros', executable=process.executable, namespace=f'/{graph.robot}',
             arguments=list(process.names), parameters=[str(params)], output='screen',
@@ -50,9 +45,6 @@ def _nodes(context):
         )
         for process in graph.processes
     ]
-    # Discovery and transports stay as the user has them.
-    profile = 'FASTDDS_DEFAULT_PROFILES_FILE'
-    return [SetEnvironmentVariable(profile, graph_environment().get(profile, '')), *nodes]
 
 
 def generate_launch_description():

@@ -16,16 +16,22 @@ def config_folders() -> list[Path]:
 
 
 def graph_environment() -> dict[str, str]:
-    """Return what the processes of a graph find in their environment; what is set there stays."""
-    defaults = {
-        # The graph is on this host; UDP leaves no shared memory behind a killed process.
-        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-        'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',
+    """Return what keeps a graph on this host, to be added to its processes' environment.
+
+    A profile of the user's own, or another middleware than Fast DDS, is left as it is.
+    """
+    if 'FASTDDS_DEFAULT_PROFILES_FILE' in os.environ:
+        return {}
+    profiles = [folder / 'fastdds-loopback.xml' for folder in config_folders()]
+    profile = next((path for path in profiles if path.exists()), None)
+    rmw = os.environ.get('RMW_IMPLEMENTATION', 'rmw_fastrtps_cpp')
+    if profile is None or 'fastrtps' not in rmw:
+        return {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+    # The profile knows the loopback interface only. LOCALHOST would replace its transports.
+    return {
+        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
+        'FASTDDS_DEFAULT_PROFILES_FILE': str(profile),
     }
-    for path in (folder / 'fastdds.xml' for folder in config_folders()):
-        if path.exists():
-            defaults.setdefault('FASTDDS_DEFAULT_PROFILES_FILE', str(path))
-    return {name: os.environ.get(name, value) for name, value in defaults.items()}
 
 
 def boxed_controllers() -> dict[str, Path]:

@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from snca_ros.box import graph_environment
+
 # Before rclpy is imported: domains 1 to 100 are free of the kernel's ephemeral ports.
 os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
-os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-os.environ['FASTDDS_BUILTIN_TRANSPORTS'] = 'UDPv4'
+os.environ.update(graph_environment())  # loopback alone
 
 rclpy = pytest.importorskip('rclpy')
 
