@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help setup walk test lint unit clean
+.PHONY: help setup walk test lint unit bench clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -31,6 +31,9 @@ lint: $(READY)  ## style and types
 
 unit: $(READY)  ## the tests: unit tests, then graphs of real processes
 	$(BIN)/python -m pytest
+
+bench: $(READY)  ## what an episode costs beside bare physics stepping, as ratios
+	$(BIN)/python benchmarks/offline.py
 
 clean:  ## remove what the targets made, but neither runs nor bags
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

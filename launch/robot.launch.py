@@ -3,14 +3,22 @@
 ros2 launch snca_ros robot.launch.py controller:=FILE.npz bag:=walk.bag voxels_per_process:=1
 """
 
+import shutil
 import tempfile
 from pathlib import Path
 
-from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch.actions import (
+    DeclareLaunchArgument,
+    OpaqueFunction,
+    RegisterEventHandler,
+    Shutdown,
+)
+from launch.event_handlers import OnShutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
+from sim_node.errors import InvalidInput
 from snca_ros.box import DEFAULT_CONTROLLER, find_controller
 from snca_ros.controller_file import load_controller
 from snca_ros.nodes.bringup import WalkOptions, describe_graph
@@ -26,25 +34,43 @@ ARGUMENTS = {
 }
 
 
+def _number(name, text, kind):
+    """Return a launch argument as a number; InvalidInput if it is none."""
+    try:
+        return kind(text)
+    except ValueError:
+        raise InvalidInput(name, text, f'a number ({kind.__name__})') from None
+
+
 def _nodes(context):
     """Turn the description of the graph into launch actions."""
     value = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     path = find_controller(value['controller'])
     options = WalkOptions(
-        value['robot'], value['terrain'], float(value['duration']),
-        int(value['voxels_per_process']), value['bag'], value['storage'],
+        value['robot'], value['terrain'], _number('duration', value['duration'], float),
+        _number('voxels_per_process', value['voxels_per_process'], int),
+        value['bag'], value['storage'],
     )
     graph = describe_graph(path, load_controller(path), options)
     params = Path(tempfile.mkdtemp(prefix='snca_ros_')) / 'params.yaml'
     params.write_text(graph.parameters_yaml())
+
+    def clean_up(event, context):
+        shutil.rmtree(params.parent, ignore_errors=True)
+
     return [
-        Node(
-            package='snca_ros', executable=process.executable, namespace=f'/{graph.robot}',
-            arguments=list(process.names), parameters=[str(params)], output='screen',
-            on_exit=Shutdown() if process is graph.simulation else None,
-        )
-        for process in graph.processes
+        RegisterEventHandler(OnShutdown(on_shutdown=clean_up)),
+        *(_node(graph, process, params) for process in graph.processes),
     ]
+
+
+def _node(graph, process, params):
+    needed = process in (graph.simulation, graph.recorder)
+    return Node(
+        package='snca_ros', executable=process.executable, namespace=f'/{graph.robot}',
+        arguments=list(process.names), parameters=[str(params)], output='screen',
+        on_exit=Shutdown() if needed else None,
+    )
 
 
 def generate_launch_description():

@@ -20,7 +20,6 @@ from sim_node.terrain import Terrain
 CORNERS = ((-1, 1), (1, 1), (1, -1), (-1, -1))
 """Signs of (x, y) of a voxel's four corner masses: NW, NE, SE, SW."""
 
-SPRINGS_PER_VOXEL = 18
 GROUND_THICKNESS = 50.0
 """Depth [m] of the solid ground below its lowest point."""
 

@@ -23,10 +23,11 @@ SENSORS_TOPIC, ACTUATION_TOPIC = 'sensors', 'actuation'
 QUEUE = 16
 """Depth of the queues that voxels and simulation read from; in lock-step two would do."""
 
-_HISTORY = 1000
+HISTORY = 1000
+"""Depth of what the writers keep for those who join late or read slowly."""
 
 
-def stream_qos(depth: int = _HISTORY) -> QoSProfile:
+def stream_qos(depth: int = HISTORY) -> QoSProfile:
     """Return the QoS of everything that is stamped with a control step.
 
     Reliable, and transient-local so that a node which joins late hears what was said last. The

@@ -11,7 +11,6 @@ from functools import partial
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import Odometry
-from rclpy.duration import Duration
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
@@ -62,7 +61,11 @@ class SimNode(RosNode):
         self._make_topics()
         self._make_services()
         self._silent: set[str] = set()
+        self._begun = False
+        self._last_before_reset = -1
+        self._to_make: int | None = None
         self._waiting_since = time.monotonic()
+        self._actuation = np.zeros(len(self._voxels))
         self._answered = np.ones(len(self._voxels), dtype=bool)
         self.create_timer(0.25, self._watch)
         if self._recorders:
@@ -123,7 +126,7 @@ class SimNode(RosNode):
                 partial(self._on_actuation, i), interface.stream_qos(interface.QUEUE), raw=True,
             )
         terrain = self.simulation.terrain
-        self._markers_out.publish(interface.ground_markers(terrain.x, terrain.y))
+        self._ground = interface.ground_markers(terrain.x, terrain.y)
 
     def _make_services(self) -> None:
         self.create_service(Trigger, 'reset', self._serve_reset)
@@ -151,9 +154,11 @@ class SimNode(RosNode):
             self.exit_code = _FAILED
 
     def _begin(self) -> None:
-        """Put the robot down and publish step 0."""
+        """Put the robot down, expect every voxel again, and publish step 0."""
+        self._last_before_reset = self.simulation.step_count if self._begun else -1
+        self._begun, self._to_make = True, None
+        self._silent.clear()
         self._readings = self.simulation.reset()
-        self._to_make: int | None = None
         self._publish_step()
 
     def _publish_step(self) -> None:
@@ -176,6 +181,8 @@ class SimNode(RosNode):
             self._markers_out.publish(
                 self._robot_markers.encode(world.corners, world.area_ratios)
             )
+        if simulation.step_count % CONTROL_RATE == 0:  # again and again, for viewers that come late
+            self._markers_out.publish(self._ground)
         if self._duration and simulation.step_count >= self._duration * CONTROL_RATE:
             self._finish()
             return
@@ -187,12 +194,12 @@ class SimNode(RosNode):
         step = self.simulation.step_count
         try:
             sent, a = interface.read_joint_state(self._actuation_wires[i], data, -1.0, 1.0)
-            if sent > step:
+            if sent > max(step, self._last_before_reset):
                 raise InvalidInput('stamp', f'step {sent}', f'at most step {step}')
         except InvalidInput as error:
             self.refuse(f'{voxel}/{interface.ACTUATION_TOPIC}', error)
             return
-        if sent < step or self._answered[i]:
+        if sent != step or self._answered[i]:
             self.count('late or repeated actuation')
             return
         self._actuation[i] = a[0]
@@ -205,7 +212,7 @@ class SimNode(RosNode):
     def _advance_if_ready(self) -> None:
         answers = zip(self._answered, self._voxels, strict=True)
         ready = all(done or voxel in self._silent for done, voxel in answers)
-        if not ready or self.exit_code is not None:
+        if not ready or not self._begun or self.exit_code is not None:
             return
         if self._paused and not self._to_make:
             return
@@ -229,7 +236,8 @@ class SimNode(RosNode):
             voxel for voxel, done in zip(self._voxels, self._answered, strict=True)
             if not done and voxel not in self._silent
         ]
-        if waited <= limit or not missing or self._paused or self.exit_code is not None:
+        paused = self._paused and not self._to_make
+        if waited <= limit or not missing or paused or self.exit_code is not None:
             return
         self.get_logger().error(
             f'no actuation for step {self.simulation.step_count} within {limit:g} s from: '
@@ -239,6 +247,10 @@ class SimNode(RosNode):
             self.exit_code = _FAILED
             return
         self._silent.update(missing)
+        if len(self._silent) == len(self._voxels):
+            self.get_logger().error('every voxel is silent')
+            self.exit_code = _FAILED
+            return
         self._advance_if_ready()
 
     def _finish(self) -> None:
@@ -248,12 +260,9 @@ class SimNode(RosNode):
         self.exit_code = 0
 
     def close(self) -> None:
-        """Let readers have what was published before the publishers vanish."""
+        """Let readers have what was published."""
         publishers = [self._odometry_out, self._markers_out, self._clock_out]
-        publishers += [publisher for publisher, _ in self._sensors_out]
-        for publisher in publishers:
-            if publisher.get_subscription_count():
-                publisher.wait_for_all_acked(Duration(seconds=2.0))
+        self.wait_for_readers(publishers + [publisher for publisher, _ in self._sensors_out])
 
     def health(self) -> tuple[bytes, str]:
         """Return the state for /diagnostics."""
@@ -263,6 +272,9 @@ class SimNode(RosNode):
         return DiagnosticStatus.OK, f'{state}, step {self.simulation.step_count}'
 
     def _serve_reset(self, request: Trigger.Request, response: Trigger.Response):
+        if not self._begun:
+            response.success, response.message = False, 'still waiting for recorders'
+            return response
         self._begin()
         response.success, response.message = True, 'at step 0'
         return response
@@ -278,8 +290,9 @@ class SimNode(RosNode):
         return response
 
     def _serve_step(self, request: Trigger.Request, response: Trigger.Response):
-        if not self._paused:
-            response.success, response.message = False, 'not paused'
+        if not self._paused or not self._begun:
+            response.success = False
+            response.message = 'not paused' if self._begun else 'still waiting for recorders'
             return response
         self._to_make = (self._to_make or 0) + 1
         response.success = True

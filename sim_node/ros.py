@@ -9,6 +9,8 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.exceptions import (
     InvalidParameterTypeException,
     InvalidParameterValueException,
@@ -29,6 +31,7 @@ BAD_INPUT = 2
 
 _STOP_LATENCY = 0.1  # seconds between looks at whether to stop
 _DRAIN_LIMIT = 3.0
+_READERS_LIMIT = 2.0
 
 _ALLOWED_UNDECLARED = ('use_sim_time', 'start_type_description_service')
 
@@ -47,6 +50,11 @@ class RosNode(Node):
         self.create_timer(1.0, self._publish_diagnostics)
         self.counters: dict[str, int] = {}
         self._steps_reported = 0
+
+    def create_timer(self, period: float, callback: Callable[[], None], **options: Any) -> Any:
+        """Create a timer on wall time: it must go on when simulated time stands still."""
+        options.setdefault('clock', Clock(clock_type=ClockType.STEADY_TIME))
+        return super().create_timer(period, callback, **options)
 
     def parameter(
         self,
@@ -109,6 +117,14 @@ class RosNode(Node):
     def draining(self) -> bool:
         """Tell, once the end was asked for, whether messages are still to be taken."""
         return False
+
+    def wait_for_readers(self, publishers: Sequence[Any]) -> None:
+        """Let readers have what was published before the publishers vanish, for a while."""
+        deadline = time.monotonic() + _READERS_LIMIT
+        for publisher in publishers:
+            left = deadline - time.monotonic()
+            if left > 0.0 and publisher.get_subscription_count():
+                publisher.wait_for_all_acked(Duration(seconds=left))
 
     def close(self) -> None:
         """Finish what the node has begun, before it is destroyed; nodes override it."""

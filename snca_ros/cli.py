@@ -3,6 +3,7 @@
 import argparse
 import importlib
 import os
+import signal
 import sys
 
 from sim_node.errors import InvalidInput, near_miss
@@ -39,8 +40,7 @@ def main(argv: list[str] | None = None) -> int:
             print(f'snca_ros {__version__}', flush=True)
             return 0
         if name in NODES:
-            end_with_parent()
-            return importlib.import_module(NODES[name][0]).main(argv[1:])
+            return _run_node(name, argv[1:])
         if name not in COMMANDS:
             known = [*COMMANDS, *NODES]
             expected = f'one of {", ".join(known)}' + near_miss(name, known)
@@ -57,6 +57,17 @@ def main(argv: list[str] | None = None) -> int:
     except OSError as error:  # a full disk, a folder that has gone
         print(f'snca {name}: error: {error}', file=sys.stderr)
         return 1
+
+
+def _run_node(name: str, argv: list[str]) -> int:
+    end_with_parent()
+    # Until the node has its own handlers, asked to end means that there is nothing to finish.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        return importlib.import_module(NODES[name][0]).main(argv)
+    except KeyboardInterrupt:
+        return 0
 
 
 def _run_command(name: str, argv: list[str]) -> int:

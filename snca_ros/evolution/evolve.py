@@ -82,7 +82,8 @@ class ProgressLine:
         self.shown = now
         generation, _, best, median, _, best_so_far = progress.history[-1]
         rate = (done - self.done_before) / (now - self.start)
-        left = time.strftime('%H:%M:%S', time.gmtime((self.total - done) / rate))
+        seconds = round((self.total - done) / rate)
+        left = f'{seconds // 3600}:{seconds // 60 % 60:02}:{seconds % 60:02}'
         line = (
             f'generation {int(generation):4d}  {done}/{self.total} evaluations  '
             f'v_x best {best_so_far:.3f} (this generation {best:.3f}, median {median:.3f})  '
@@ -168,12 +169,12 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         line = ProgressLine(folder.config.evaluations, done)
         progress = evolve(folder, args.workers, line)
     except KeyboardInterrupt:
-        print(f'\nstopped; go on with: evolve --resume {folder.path}', file=sys.stderr)
+        print(f'\nstopped; go on with: snca evolve --resume {folder.path}', file=sys.stderr)
         return INTERRUPTED
     except BrokenProcessPool:
         print(
             f'\na worker process ended unexpectedly (out of memory?); the run is intact up to '
-            f'the last generation, go on with: evolve --resume {folder.path}',
+            f'the last generation, go on with: snca evolve --resume {folder.path}',
             file=sys.stderr,
         )
         return 1

@@ -80,7 +80,3 @@ class RunningGraph:
     def ended(self) -> list[NodeProcess]:
         """Return the processes that have ended."""
         return [p for p, child in self._children.items() if child.poll() is not None]
-
-    def pids(self) -> dict[NodeProcess, int]:
-        """Return the process ids."""
-        return {p: child.pid for p, child in self._children.items()}

@@ -12,6 +12,7 @@ import time
 from functools import partial
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.utilities import remove_ros_args
 from sensor_msgs.msg import Image, JointState
 
@@ -27,6 +28,7 @@ from snca_ros.controller import weights_of
 from snca_ros.controller_file import load_controller
 from snca_ros.nodes.spikes import CellMessages, topic_name
 
+_JOIN_PAUSE = 0.05  # seconds without news after which a joining voxel has heard the newest
 _VOXEL_NAME = re.compile(r'voxel_\d+_\d+')
 
 
@@ -53,6 +55,8 @@ class VoxelNode(RosNode):
         self._neighbors = {d: n for d, n in enumerate(names) if n}
         self._load(path)
         self._make_topics()
+        self._joined = False
+        self._join_timer = self.create_timer(_JOIN_PAUSE, self._join)
         if self._patience:
             self.create_timer(min(self._patience / 4, 0.25), self._try_step)
         self._restart()
@@ -109,22 +113,35 @@ class VoxelNode(RosNode):
     def _on_sensors(self, data: bytes) -> None:
         try:
             step, readings = interface.read_joint_state(self._sensors_wire, data, 0.0, 1.0)
+            self._check_future(step)
         except InvalidInput as error:
             self.refuse(f'{self._voxel}/{interface.SENSORS_TOPIC}', error)
             return
-        if step == 0:
+        if step == 0 and self._joined:
             self._restart()
-        elif step <= self._step:
+        elif self._joined and step <= self._step:
             self.count('repeated sensors')
             return
         self._step, self._readings, self._since = step, readings, time.monotonic()
+        if not self._joined:
+            self._join_timer.reset()
         self._try_step()
+
+    def _join(self) -> None:
+        """Take part from now on, at the newest step.
+
+        A node that joins late is first told the steps that others have made long ago; to answer
+        those would take its neighbours back with it.
+        """
+        if self._readings is not None:
+            self._joined = True
+            self._join_timer.cancel()
+            self._try_step()
 
     def _on_message(self, direction: int, data: bytes) -> None:
         try:
             step, message = self._neighbor_messages[direction].decode(data)
-            if self._step >= 0 and step > self._step + 1:
-                raise InvalidInput('stamp', f'step {step}', f'at most step {self._step + 1}')
+            self._check_future(step)
         except InvalidInput as error:
             self.refuse(f'{self._neighbors[direction]}/{topic_name(self._architecture)}', error)
             return
@@ -132,19 +149,39 @@ class VoxelNode(RosNode):
         for old in [k for k in box if k > step]:  # the neighbour was reset
             del box[old]
         box[step] = message
+        while len(box) > interface.QUEUE:
+            del box[min(box)]
         self._silent.discard(direction)
         self._try_step()
 
+    def health(self) -> tuple[bytes, str]:
+        """Return the state for /diagnostics: the step, and whom it waits for."""
+        if self._readings is None:
+            return DiagnosticStatus.OK, f'step {self._step} answered'
+        missing = [
+            self._neighbors[d] for d, box in self._received.items() if self._step - 1 not in box
+        ]
+        waiting = ', '.join(missing) or 'nobody'
+        return DiagnosticStatus.OK, f'step {self._step} waits for {waiting}'
+
+    def _check_future(self, step: int) -> None:
+        """Refuse a stamp further ahead than a voxel that catches up can see."""
+        latest = self._step + interface.HISTORY
+        if self._step >= 0 and step > latest:
+            raise InvalidInput('stamp', f'step {step}', f'at most step {latest}')
+
     def _try_step(self) -> None:
         """Step if sensors(k) and all neighbours' messages(k - 1) are here."""
-        if self._readings is None:
+        if self._readings is None or not self._joined:
             return
         before = self._step - 1
         if before >= 0:
             missing = [d for d, box in self._received.items() if before not in box]
             waiting = [d for d in missing if d not in self._silent]
             if waiting:
-                if not self._patience or time.monotonic() - self._since < self._patience:
+                # Until step 2 neighbours may still be looking for each other.
+                patience = self._patience if self._step > 2 else 10.0 * self._patience
+                if not patience or time.monotonic() - self._since < patience:
                     return
                 for d in waiting:
                     self.get_logger().warning(f'{self._neighbors[d]} is silent')
@@ -171,6 +208,10 @@ class VoxelNode(RosNode):
         self._messages_out.publish(self._messages.encode(stamp, self._cells.outbox[0]))
         self._actuation_out.publish(self._actuation_wire.encode(stamp, position=np.array([a])))
         self.count('steps')
+
+    def close(self) -> None:
+        """Let readers have what was published."""
+        self.wait_for_readers([self._messages_out, self._actuation_out])
 
 
 def main(argv: list[str]) -> int:

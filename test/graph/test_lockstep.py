@@ -21,7 +21,7 @@ from snca_ros.nodes.bringup import WalkOptions, describe_graph
 def walk(start_node, make_controller):
     """Return a function that starts a robot of three voxels; (graph, children by name)."""
 
-    def run(duration=0.0, leave_out=(), **simulation):
+    def run(duration=0.0, leave_out=(), patience=None, **simulation):
         # Paused until the test listens: the graph is faster than a test that looks at it.
         simulation = {'start_paused': True, **simulation}
         path = make_controller('11-10')
@@ -29,6 +29,8 @@ def walk(start_node, make_controller):
         graph = describe_graph(path, load_controller(path), options)
         children = {'sim_node': start_node(graph, graph.simulation)}
         for process in graph.voxels:
+            if patience is not None:
+                process.parameters[process.names[0]]['patience'] = patience
             if process.names[0] not in leave_out:
                 children[process.names[0]] = start_node(graph, process)
         return graph, children, path
@@ -135,6 +137,46 @@ def test_run_goes_on_without_a_silent_voxel(walk, node, spin_until, centers):
     spin_until(lambda: max(centers[0]) > newest + 100)
     spin_until(lambda: 'voxel_1_1' in levels['/robot/sim_node'].message)
     assert children['sim_node'].poll() is None
+
+
+def test_killed_voxels_rejoin_when_started_again(walk, start_node, node, spin_until, centers):
+    graph, children, _ = walk(silence_limit=60.0)
+    go(node, spin_until, centers)
+    for i, process in enumerate(graph.voxels):
+        (name,) = process.names
+        reached = 300 * (i + 1)
+        spin_until(lambda reached=reached: max(centers[0]) > reached)
+        children[name].send_signal(signal.SIGKILL)
+        children[name].wait(30)
+        children[name] = start_node(graph, process)
+        newest = max(centers[0])
+        spin_until(lambda newest=newest: max(centers[0]) > newest + 50)
+
+
+def test_graph_of_the_silent_ends(walk, node, spin_until, centers):
+    """Without patience the neighbours of a dead voxel fall silent too: then nobody is left."""
+    _, children, _ = walk(silence_limit=1.0, on_silence='go_on', patience=0.0)
+    go(node, spin_until, centers)
+    spin_until(lambda: max(centers[0]) > 30)
+    children['voxel_0_1'].send_signal(signal.SIGKILL)
+    output, _ = children['sim_node'].communicate(timeout=60)
+    assert children['sim_node'].returncode == 1
+    assert 'every voxel is silent' in output
+
+
+def test_services_answer_while_the_recorder_is_awaited(walk, node, spin_until):
+    _, children, _ = walk(recorders=1)
+    assert call(node, spin_until, SetBool, 'pause', data=False).success
+    for name in ('reset', 'step'):
+        assert not call(node, spin_until, Trigger, name).success
+    assert children['sim_node'].poll() is None
+
+
+def test_simulated_time_on_the_nodes_does_no_harm(walk, node, spin_until, centers):
+    _, _, path = walk(use_sim_time=True)
+    go(node, spin_until, centers)
+    spin_until(lambda: 60 in centers[0])
+    np.testing.assert_array_equal([centers[0][k] for k in range(61)], offline(path, 1.0))
 
 
 def test_refused_messages_change_nothing(walk, node, spin_until, centers):
