@@ -153,21 +153,15 @@ def new_executor() -> Any:
 
 
 class _Stop:
-    """Notes Ctrl-C and SIGTERM, so that nodes can end with their context still valid.
-
-    While nodes are still being made, it raises KeyboardInterrupt instead.
-    """
+    """Notes Ctrl-C and SIGTERM, so that nodes can end with their context still valid."""
 
     def __init__(self) -> None:
         self.requested = False
-        self.starting = True
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._note)
 
     def _note(self, number: int, frame: object) -> None:
         self.requested = True
-        if self.starting:
-            raise KeyboardInterrupt
 
 
 def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> int:
@@ -182,9 +176,6 @@ def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> i
     try:
         rclpy.init(args=[sys.argv[0], *argv], signal_handler_options=SignalHandlerOptions.NO)
         nodes = make_nodes()
-        stop.starting = False
-    except KeyboardInterrupt:
-        return 0
     except InvalidInput as error:
         print(f'error: {error}', file=sys.stderr)
         return BAD_INPUT

@@ -39,7 +39,7 @@ def test_bag_holds_the_graph(make_controller, node, spin_until, tmp_path, storag
         for kind in ('sensors', 'actuation', 'spikes'):
             assert counts[f'{voxel}/{kind}'] == 60
     assert counts['/robot/odometry'] == counts['/clock'] == 61
-    assert counts['/robot/markers'] == 1 + 31
+    assert counts['/robot/markers'] == 31 + 2  # the robot, and the ground once a second
     assert '/diagnostics' in topics
     for topic, connection in topics.items():
         if topic.startswith('/robot/voxel_') or topic in ('/clock', '/robot/odometry'):
