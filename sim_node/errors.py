@@ -32,3 +32,11 @@ def near_miss(name: str, known: 'list[str] | tuple[str, ...]') -> str:
     folded = {k.lower(): k for k in known}
     close = difflib.get_close_matches(name.lower(), folded, n=1)
     return f" (did you mean '{folded[close[0]]}'?)" if close else ''
+
+
+def check_keys(field: str, values: dict, known: 'list[str] | tuple[str, ...]') -> None:
+    """Raise InvalidInput, with a hint, if `values` has a key that is not one of `known`."""
+    for key in values:
+        if key not in known:
+            expected = f'one of {", ".join(known)}' + near_miss(str(key), known)
+            raise InvalidInput(field, key, expected)

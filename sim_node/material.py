@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field, fields
 
-from sim_node.errors import InvalidInput, near_miss
+from sim_node.errors import InvalidInput, check_keys
 
 
 def _constant(default: float, low: float, high: float, text: str, unit: str = '') -> float:
@@ -48,11 +48,7 @@ class Material:
     @classmethod
     def from_dict(cls, values: dict) -> 'Material':
         """Return the material with `values` in place of defaults; InvalidInput if one is off."""
-        known = [f.name for f in fields(cls)]
-        for key in values:
-            if key not in known:
-                expected = f'one of {", ".join(known)}' + near_miss(str(key), known)
-                raise InvalidInput('material', key, expected)
+        check_keys('material', values, [f.name for f in fields(cls)])
         return cls(**values)
 
     @property

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from sim_node.errors import InvalidInput, near_miss
+from sim_node.errors import InvalidInput, check_keys
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,5 @@ class Solver:
     @classmethod
     def from_dict(cls, values: dict) -> 'Solver':
         """Return the solver with `values` in place of defaults; InvalidInput if one is off."""
-        known = list(cls.__dataclass_fields__)
-        for key in values:
-            if key not in known:
-                expected = f'one of {", ".join(known)}' + near_miss(str(key), known)
-                raise InvalidInput('solver', key, expected)
+        check_keys('solver', values, list(cls.__dataclass_fields__))
         return cls(**values)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sim_node.errors import InvalidInput, near_miss
+from sim_node.errors import InvalidInput, check_keys
 from sim_node.material import Material
 from sim_node.morphology import Morphology, parse_morphology
 from sim_node.solver import Solver
@@ -144,13 +144,6 @@ def _parsed(text: np.ndarray) -> dict:
     return header
 
 
-def _check_keys(field: str, values: dict, known: tuple[str, ...]) -> None:
-    for key in values:
-        if key not in known:
-            expected = f'one of {", ".join(known)}' + near_miss(key, known)
-            raise InvalidInput(field, key, expected)
-
-
 def _field(values: dict, name: str, kinds: type | tuple[type, ...], outer: str = '') -> Any:
     value = values.get(name)
     if not isinstance(value, kinds) or isinstance(value, bool):
@@ -172,10 +165,10 @@ def _checked(header: dict, theta: np.ndarray) -> TrainedController:
     version = _field(header, 'format_version', int)
     if version != FORMAT_VERSION:
         raise InvalidInput('format_version', version, str(FORMAT_VERSION))
-    _check_keys('header', header, _FIELDS)
+    check_keys('header', header, _FIELDS)
     architecture = Architecture.from_dict(_field(header, 'architecture', dict))
     shape = _field(header, 'morphology', dict)
-    _check_keys('morphology', shape, ('name', 'grid'))
+    check_keys('morphology', shape, ('name', 'grid'))
     name = _field(shape, 'name', str, 'morphology.')
     morphology = Morphology(name, parse_morphology(shape.get('grid', '')).cells)
     terrain = parse_terrain(_field(header, 'terrain', str)).name

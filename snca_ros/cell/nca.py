@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_node.compiled import compiled
-from sim_node.errors import InvalidInput, near_miss
+from sim_node.errors import InvalidInput, check_keys, near_miss
 from sim_node.morphology import DIRECTIONS
 from sim_node.sensors import N_SENSORS
 from snca_ros.cell import mlp, snn
@@ -129,11 +129,7 @@ class Architecture:
     @classmethod
     def from_dict(cls, values: dict) -> 'Architecture':
         """Return the architecture of `to_dict`; InvalidInput if a key or value is off."""
-        known = list(cls.__dataclass_fields__)
-        for key in values:
-            if key not in known:
-                expected = f'one of {", ".join(known)}' + near_miss(str(key), known)
-                raise InvalidInput('architecture', key, expected)
+        check_keys('architecture', values, list(cls.__dataclass_fields__))
         for key in ('uniform', 'directional', 'neuron_model'):
             if key not in values:
                 raise InvalidInput(f'architecture.{key}', None, 'a value')

@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from sim_node.errors import InvalidInput, near_miss
+from sim_node.errors import InvalidInput, check_keys
 from sim_node.material import Material
 from sim_node.morphology import parse_morphology
 from sim_node.simulation import Simulation
@@ -90,11 +90,7 @@ class RunConfig:
         """Return the run of a parsed config.yaml."""
         if not isinstance(values, dict):
             raise InvalidInput('config', values, 'keys and values')
-        known = list(cls.__dataclass_fields__)
-        for key in values:
-            if key not in known:
-                expected = f'one of {", ".join(known)}' + near_miss(str(key), known)
-                raise InvalidInput('key', key, expected)
+        check_keys('key', values, list(cls.__dataclass_fields__))
         for key in ('shape', 'architecture'):
             if key not in values:
                 raise InvalidInput(key, None, 'a value')
