@@ -8,6 +8,10 @@ from sim_node.errors import InvalidInput, near_miss
 
 DEFAULT_CONTROLLER = 'biped-U-nD-snn-h'
 
+PROFILE_VARIABLES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
+"""What names the profile of Fast DDS 2, which Jazzy has, and of Fast DDS 3."""
+
+
 def config_folders() -> list[Path]:
     """Return the folders that hold config/, the checkout's before the installed ones."""
     prefixes = [sys.prefix, *os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)]
@@ -20,7 +24,7 @@ def graph_environment() -> dict[str, str]:
 
     A profile of the user's own, or another middleware than Fast DDS, is left as it is.
     """
-    if 'FASTDDS_DEFAULT_PROFILES_FILE' in os.environ:
+    if any(name in os.environ for name in PROFILE_VARIABLES):
         return {}
     profiles = [folder / 'fastdds-loopback.xml' for folder in config_folders()]
     profile = next((path for path in profiles if path.exists()), None)
@@ -30,7 +34,7 @@ def graph_environment() -> dict[str, str]:
     # The profile knows the loopback interface only. LOCALHOST would replace its transports.
     return {
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
-        'FASTDDS_DEFAULT_PROFILES_FILE': str(profile),
+        **dict.fromkeys(PROFILE_VARIABLES, str(profile)),
     }
 
 

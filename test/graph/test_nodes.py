@@ -1,6 +1,7 @@
 """Every node ends cleanly when asked to, and says in one line what is wrong with its input."""
 
 import signal
+from pathlib import Path
 
 import pytest
 from conftest import ROOT
@@ -132,3 +133,10 @@ def test_shipped_params_file_is_understood(start, node, spin_until):
     child.send_signal(signal.SIGINT)
     output, _ = child.communicate(timeout=30)
     assert child.returncode == 0, output
+
+
+def test_nodes_share_no_memory(start, node, spin_until, make_controller, tmp_path):
+    """The Fast DDS profile is in force: shared memory would outlive a killed process."""
+    child = start(*arguments('voxel_node', make_controller(), tmp_path))
+    spin_until(lambda: ('voxel_0_0', '/robot') in node.get_node_names_and_namespaces())
+    assert '/dev/shm/' not in Path(f'/proc/{child.pid}/maps').read_text()
