@@ -84,7 +84,7 @@ def read_joint_state(wire: WireFormat, data: bytes, low: float, high: float):
         raise
     except Exception as error:
         raise InvalidInput('message', str(error), 'a sensor_msgs/JointState') from None
-    if not ((numbers >= low) & (numbers <= high)).all():
+    if not all(low <= number <= high for number in numbers.tolist()):
         raise InvalidInput('position', numbers.tolist(), f'numbers from {low:g} to {high:g}')
     return step_of_stamp(*stamp), numbers
 

@@ -66,7 +66,7 @@ class SimNode(RosNode):
         self._to_make: int | None = None
         self._waiting_since = time.monotonic()
         self._actuation = np.zeros(len(self._voxels))
-        self._answered = np.ones(len(self._voxels), dtype=bool)
+        self._awaited: dict[int, str] = {}  # voxels that have not acted at this step
         self.create_timer(0.25, self._watch)
         if self._recorders:
             self._start_timer = self.create_timer(0.02, self._begin_if_recorded)
@@ -164,7 +164,7 @@ class SimNode(RosNode):
     def _publish_step(self) -> None:
         """Publish the state at the present step and start to wait for actuation."""
         simulation = self.simulation
-        self._answered = np.zeros(len(self._voxels), dtype=bool)
+        self._awaited = dict(enumerate(self._voxels))
         self._actuation = np.zeros(len(self._voxels))
         self._waiting_since = time.monotonic()
         stamp = stamp_of_step(simulation.step_count)
@@ -199,19 +199,18 @@ class SimNode(RosNode):
         except InvalidInput as error:
             self.refuse(f'{voxel}/{interface.ACTUATION_TOPIC}', error)
             return
-        if sent != step or self._answered[i]:
+        if sent != step or i not in self._awaited:
             self.count('late or repeated actuation')
             return
         self._actuation[i] = a[0]
-        self._answered[i] = True
+        del self._awaited[i]
         if voxel in self._silent:
             self._silent.discard(voxel)
             self.get_logger().info(f'{voxel} answers again')
         self._advance_if_ready()
 
     def _advance_if_ready(self) -> None:
-        answers = zip(self._answered, self._voxels, strict=True)
-        ready = all(done or voxel in self._silent for done, voxel in answers)
+        ready = all(voxel in self._silent for voxel in self._awaited.values())
         if not ready or not self._begun or self.exit_code is not None:
             return
         if self._paused and not self._to_make:
@@ -232,10 +231,7 @@ class SimNode(RosNode):
         # Until step 2 every voxel has not only to start but to find its neighbours.
         started = self.simulation.step_count >= 2
         limit = self._silence_limit if started else self._start_limit
-        missing = [
-            voxel for voxel, done in zip(self._voxels, self._answered, strict=True)
-            if not done and voxel not in self._silent
-        ]
+        missing = [voxel for voxel in self._awaited.values() if voxel not in self._silent]
         paused = self._paused and not self._to_make
         if waited <= limit or not missing or paused or self.exit_code is not None:
             return
