@@ -3,7 +3,7 @@
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import rclpy
@@ -18,7 +18,10 @@ from rclpy.exceptions import (
 )
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
+from rclpy.task import Future
 
 from sim_node.errors import InvalidInput, near_miss
 
@@ -29,7 +32,8 @@ except ImportError:  # an older rclpy
 
 BAD_INPUT = 2
 
-_STOP_LATENCY = 0.1  # seconds between looks at whether to stop
+_STOP_LATENCY = 0.1  # seconds between looks at whether a signal came
+_SPIN_PERIOD = 60.0  # seconds; without a limit EventsExecutor waits actively
 _DRAIN_LIMIT = 3.0
 _READERS_LIMIT = 2.0
 
@@ -40,16 +44,48 @@ class RosNode(Node):
     """A node whose parameters are checked and whose end is a plain exit code.
 
     Attributes:
-        exit_code: None while the node runs; set it to end the process with that code.
+        ended: done as soon as `exit_code` is set.
     """
 
     def __init__(self, name: str, **options: Any) -> None:
+        self._taken_by_node: list[Subscription] = []
         super().__init__(name, **options)
-        self.exit_code: int | None = None
+        self.ended = Future()
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self.create_timer(1.0, self._publish_diagnostics)
         self.counters: dict[str, int] = {}
         self._steps_reported = 0
+
+    @property
+    def subscriptions(self) -> Iterator[Subscription]:
+        """Return the subscriptions that executors serve: not those whose node takes by itself."""
+        return (s for s in super().subscriptions if s not in self._taken_by_node)
+
+    def create_mailbox(self, kind: type, topic: str, qos: QoSProfile) -> Callable[[], list[bytes]]:
+        """Subscribe to serialised messages without waking for each of them.
+
+        Returns:
+            A function that takes what has arrived since its last call, oldest first.
+        """
+        subscription = self.create_subscription(kind, topic, lambda data: None, qos, raw=True)
+        self._taken_by_node.append(subscription)
+
+        def take() -> list[bytes]:
+            found = []
+            while (message := subscription.handle.take_message(kind, True)) is not None:
+                found.append(message[0])
+            return found
+
+        return take
+
+    @property
+    def exit_code(self) -> int | None:
+        """Return None while the node runs; set it to end the process with that code."""
+        return self.ended.result()
+
+    @exit_code.setter
+    def exit_code(self, code: int) -> None:
+        self.ended.set_result(code)
 
     def create_timer(self, period: float, callback: Callable[[], None], **options: Any) -> Any:
         """Create a timer on wall time: it must go on when simulated time stands still."""
@@ -188,8 +224,19 @@ def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> i
     executor = new_executor()
     for node in nodes:
         executor.add_node(node)
-    while not stop.requested and all(node.exit_code is None for node in nodes):
-        executor.spin_once(_STOP_LATENCY)
+    end = Future()
+
+    def look() -> None:
+        if stop.requested or any(node.exit_code is not None for node in nodes):
+            end.set_result(None)
+
+    for node in nodes:
+        node.ended.add_done_callback(lambda _: look())
+    # A timer, not the executor's timeout: that one is not heeded while messages keep coming.
+    nodes[0].create_timer(_STOP_LATENCY, look)
+    look()
+    while not end.done():
+        executor.spin_until_future_complete(end, _SPIN_PERIOD)
     deadline = time.monotonic() + _DRAIN_LIMIT
     while any(node.draining() for node in nodes) and time.monotonic() < deadline:
         executor.spin_once(_STOP_LATENCY)

@@ -9,7 +9,6 @@ import argparse
 import re
 import sys
 import time
-from functools import partial
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -29,6 +28,7 @@ from snca_ros.controller_file import load_controller
 from snca_ros.nodes.spikes import CellMessages, topic_name
 
 _JOIN_PAUSE = 0.05  # seconds without news after which a joining voxel has heard the newest
+_LOOK_PERIOD = 0.001  # seconds between looks for a neighbour's message that is late
 _VOXEL_NAME = re.compile(r'voxel_\d+_\d+')
 
 
@@ -57,8 +57,9 @@ class VoxelNode(RosNode):
         self._make_topics()
         self._joined = False
         self._join_timer = self.create_timer(_JOIN_PAUSE, self._join)
-        if self._patience:
-            self.create_timer(min(self._patience / 4, 0.25), self._try_step)
+        # Neighbours' messages nearly always come before the sensors that they are awaited with.
+        self._look_timer = self.create_timer(_LOOK_PERIOD, self._try_step)
+        self._look_timer.cancel()
         self._restart()
 
     def _load(self, path: str) -> None:
@@ -88,10 +89,9 @@ class VoxelNode(RosNode):
         self._neighbor_messages = {
             d: CellMessages(self._architecture, name) for d, name in self._neighbors.items()
         }
+        self._mailboxes = {}
         for d, name in self._neighbors.items():
-            self.create_subscription(
-                Image, f'{name}/{topic}', partial(self._on_message, d), queue, raw=True
-            )
+            self._mailboxes[d] = self.create_mailbox(Image, f'{name}/{topic}', queue)
         self.create_subscription(
             JointState, f'{voxel}/{interface.SENSORS_TOPIC}', self._on_sensors, queue, raw=True
         )
@@ -138,7 +138,12 @@ class VoxelNode(RosNode):
             self._join_timer.cancel()
             self._try_step()
 
-    def _on_message(self, direction: int, data: bytes) -> None:
+    def _take_messages(self) -> None:
+        for direction, take in self._mailboxes.items():
+            for data in take():
+                self._note_message(direction, data)
+
+    def _note_message(self, direction: int, data: bytes) -> None:
         try:
             step, message = self._neighbor_messages[direction].decode(data)
             self._check_future(step)
@@ -152,7 +157,6 @@ class VoxelNode(RosNode):
         while len(box) > interface.QUEUE:
             del box[min(box)]
         self._silent.discard(direction)
-        self._try_step()
 
     def health(self) -> tuple[bytes, str]:
         """Return the state for /diagnostics: the step, and whom it waits for."""
@@ -175,10 +179,12 @@ class VoxelNode(RosNode):
         if self._readings is None or not self._joined:
             return
         before = self._step - 1
+        self._take_messages()
         if before >= 0:
             missing = [d for d, box in self._received.items() if before not in box]
             waiting = [d for d in missing if d not in self._silent]
             if waiting:
+                self._look_timer.reset()
                 # Until step 2 neighbours may still be looking for each other.
                 patience = self._patience if self._step > 2 else 10.0 * self._patience
                 if not patience or time.monotonic() - self._since < patience:
@@ -187,6 +193,7 @@ class VoxelNode(RosNode):
                     self.get_logger().warning(f'{self._neighbors[d]} is silent')
                 self._silent.update(waiting)
                 self.count('times a neighbour fell silent')
+        self._look_timer.cancel()
         self._collect(before)
         self._publish_step()
 
