@@ -77,6 +77,10 @@ class RunningGraph:
         """Return the exit code of a process, None while it runs."""
         return self._children[process].poll()
 
+    def pids(self) -> dict[NodeProcess, int]:
+        """Return the process ids."""
+        return {process: child.pid for process, child in self._children.items()}
+
     def ended(self) -> list[NodeProcess]:
         """Return the processes that have ended."""
         return [p for p, child in self._children.items() if child.poll() is not None]

@@ -1,0 +1,268 @@
+"""The graph of real processes in lock-step beside real time: ratios first.
+
+    python benchmarks/graph.py [--quick] [--json FILE]
+
+Robots of random cells are brought up as `snca walk` does it, without recorder, in a ROS domain of
+their own. Rates come from the simulation's diagnostics, its own count at its own time; CPU time
+and memory from /proc. Latency, from one step's `odometry` to the next, is observed in a window of
+its own, since a listener costs the graph time. Start is from the command `snca walk` to the first
+step made. Nothing is left running.
+"""
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sim_node.morphology import parse_morphology
+from sim_node.stamps import CONTROL_RATE, step_of_stamp
+from snca_ros.box import graph_environment
+from snca_ros.cell.nca import Architecture
+from snca_ros.controller_file import TrainedController, load_controller, save_controller
+from snca_ros.nodes.bringup import NodeProcess, WalkOptions, describe_graph
+from snca_ros.nodes.processes import RunningGraph
+
+CASES = [  # shape, voxels per process
+    ('worm', 1), ('biped', 1), ('comb', 1), ('worm-10x2', 1), ('worm-10x3', 1), ('worm-10x4', 1),
+    ('biped', 5), ('comb', 6), ('worm-10x2', 10), ('worm-10x4', 10), ('worm-10x4', 20),
+    ('worm-10x4', 40), ('worm-20x5', 50),
+]
+QUICK = [('biped', 1), ('worm-10x2', 1), ('worm-10x4', 20)]
+
+_START_LIMIT = 120.0  # seconds
+_SETTLE = 60  # steps before anything is measured
+_TICKS = os.sysconf('SC_CLK_TCK')
+
+
+class Observer:
+    """A node that listens to one graph after the other."""
+
+    def __init__(self) -> None:
+        import rclpy
+        from diagnostic_msgs.msg import DiagnosticArray
+        from rclpy.executors import SingleThreadedExecutor
+
+        self._rclpy = rclpy
+        rclpy.init(args=[])
+        self._node = rclpy.create_node('benchmark', enable_rosout=False)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        self._steps: dict[str, tuple[float, int]] = {}
+        self._node.create_subscription(DiagnosticArray, '/diagnostics', self._note, 10)
+
+    def _note(self, message: Any) -> None:
+        stamp = message.header.stamp
+        for status in message.status:
+            values = {v.key: v.value for v in status.values}
+            made = int(values.get('steps', 0))
+            self._steps[status.name] = stamp.sec + stamp.nanosec * 1e-9, made
+
+    def spin_until(self, condition: Callable[[], object], seconds: float) -> None:
+        """Serve messages until a condition holds; TimeoutError."""
+        deadline = time.monotonic() + seconds
+        while not condition():
+            if time.monotonic() > deadline:
+                raise TimeoutError(f'not within {seconds:g} s')
+            self._executor.spin_once(0.05)
+
+    def next_count(self, robot: str) -> tuple[float, int]:
+        """Return (time [s], steps made) of the simulation's next diagnostics."""
+        name = f'/{robot}/sim_node'
+        before = self._steps.get(name)
+        self.spin_until(lambda: self._steps.get(name) != before, 30.0)
+        return self._steps[name]
+
+    @contextmanager
+    def arrivals(self, robot: str, latched: bool) -> Iterator[list[tuple[float, int]]]:
+        """Collect (time [s], step) of the robot's odometry while the context lasts."""
+        from nav_msgs.msg import Odometry
+        from rclpy.qos import DurabilityPolicy
+
+        from sim_node.interface import stream_qos
+
+        seen: list[tuple[float, int]] = []
+
+        def note(message: Odometry) -> None:
+            stamp = message.header.stamp
+            seen.append((time.monotonic(), step_of_stamp(stamp.sec, stamp.nanosec)))
+
+        qos = stream_qos()
+        if not latched:
+            qos.durability = DurabilityPolicy.VOLATILE
+        subscription = self._node.create_subscription(Odometry, f'/{robot}/odometry', note, qos)
+        try:
+            yield seen
+        finally:
+            self._node.destroy_subscription(subscription)
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._rclpy.try_shutdown()
+
+
+def write_controller(folder: Path, shape: str) -> Path:
+    """Write a controller file with random parameters."""
+    morphology, architecture = parse_morphology(shape), Architecture.named('U-nD', 'snn-h')
+    rng = np.random.default_rng(0)
+    theta = rng.uniform(-1.0, 1.0, architecture.n_parameters(morphology.n_voxels))
+    path = folder / f'{shape}.npz'
+    save_controller(path, TrainedController(architecture, morphology, theta))
+    return path
+
+
+def cpu_seconds(pid: int) -> float:
+    """Return the CPU time that a process has used [s]."""
+    fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
+    return (int(fields[11]) + int(fields[12])) / _TICKS
+
+
+def memory(pid: int) -> tuple[float, float]:
+    """Return (RSS, PSS) of a process [MB]."""
+    lines = Path(f'/proc/{pid}/smaps_rollup').read_text().splitlines()[1:]
+    sizes = {name: int(size) for name, size, *_ in map(str.split, lines)}
+    return sizes['Rss:'] / 1024, sizes['Pss:'] / 1024
+
+
+def measure_case(observer: Observer, path: Path, k: int, seconds: float) -> dict:
+    """Return rate, cost, latency and memory of one graph; see `table` for the units."""
+    trained = load_controller(path)
+    n = trained.morphology.n_voxels
+    robot = f'robot_{n}_{k}'
+    graph = describe_graph(
+        path, trained, WalkOptions(robot=robot, duration=0.0, voxels_per_process=k)
+    )
+    with RunningGraph(graph, {}) as running:
+        pids = running.pids()
+        with observer.arrivals(robot, latched=True) as seen:
+            observer.spin_until(lambda: seen and seen[-1][1] >= _SETTLE, _START_LIMIT)
+        begin, first = observer.next_count(robot)
+        before = {process: cpu_seconds(pid) for process, pid in pids.items()}
+        end, last = begin, first
+        while end - begin < seconds:
+            end, last = observer.next_count(robot)
+        steps = last - first
+        cost: dict[NodeProcess, float] = {
+            process: (cpu_seconds(pid) - before[process]) / steps * 1e3
+            for process, pid in pids.items()
+        }
+        with observer.arrivals(robot, latched=False) as seen:
+            stop = time.monotonic() + seconds / 2
+            observer.spin_until(lambda: time.monotonic() > stop, seconds)
+        sizes = [memory(pids[process]) for process in graph.voxels]
+    voxels = sum(cost[process] for process in graph.voxels)
+    gaps = np.diff([t for t, _ in seen]) * 1e3
+    rate = steps / (end - begin)
+    return {
+        'shape': path.stem, 'voxels': n, 'voxels_per_process': k, 'processes': len(graph.voxels),
+        'real_time_factor': rate / CONTROL_RATE, 'steps_per_second': rate,
+        'cpu_ms_per_step': {
+            'all': cost[graph.simulation] + voxels, 'simulation': cost[graph.simulation],
+            'voxels': voxels, 'each_voxel': voxels / n,
+        },
+        'latency_ms': {'p50': float(np.percentile(gaps, 50)),
+                       'p99': float(np.percentile(gaps, 99))},
+        'process_mb': {'rss': statistics.mean(rss for rss, _ in sizes),
+                       'pss': statistics.mean(pss for _, pss in sizes)},
+    }
+
+
+def measure_start(observer: Observer, path: Path, robot: str) -> float:
+    """Return the time from the command `snca walk` to the first step made [s]."""
+    command = [sys.executable, '-m', 'snca_ros', 'walk', str(path), '--no-bag',
+               '--duration', '1', '--robot', robot]
+    with observer.arrivals(robot, latched=True) as seen:
+        begin = time.monotonic()
+        walk = subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            observer.spin_until(lambda: any(step >= 1 for _, step in seen), _START_LIMIT)
+            walk.wait(30.0)
+        finally:
+            walk.terminate()
+            walk.wait()
+    return next(t for t, step in seen if step >= 1) - begin
+
+
+def measure(quick: bool) -> dict:
+    """Measure graphs and start; return {'graphs': [...], 'start': {...}}.
+
+    Args:
+        quick: fewer cases and shorter windows.
+    """
+    # Domains 1 to 100 are free of the kernel's ephemeral ports.
+    os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
+    os.environ.update(graph_environment())
+    seconds, starts = (4.0, 1) if quick else (8.0, 5)
+    observer = Observer()
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            biped = write_controller(Path(folder), 'biped')
+            measure_start(observer, biped, 'warm_up')
+            times = [measure_start(observer, biped, f'start_{i}') for i in range(starts)]
+            graphs = [
+                measure_case(observer, write_controller(Path(folder), shape), k, seconds)
+                for shape, k in (QUICK if quick else CASES)
+            ]
+    finally:
+        observer.close()
+    return {
+        'graphs': graphs, 'start': {'voxels': 10, 'seconds': times},
+        'holds_60_hz': max((g['voxels'] for g in graphs if g['real_time_factor'] >= 1.0),
+                           default=0),
+        'holds_60_hz_each_alone': max(
+            (g['voxels'] for g in graphs
+             if g['real_time_factor'] >= 1.0 and g['voxels_per_process'] == 1),
+            default=0,
+        ),
+    }
+
+
+def table(results: dict) -> str:
+    """Return the results of `measure` as text."""
+    lines = [
+        'x real time  steps/s   CPU per step [ms]: all  simulation  voxels   each  '
+        ' latency [ms] p50   p99   process [MB] RSS   PSS   voxels (per process)'
+    ]
+    for g in results['graphs']:
+        cpu, latency, size = g['cpu_ms_per_step'], g['latency_ms'], g['process_mb']
+        lines.append(
+            f'{g["real_time_factor"]:11.2f}{g["steps_per_second"]:9.0f}{cpu["all"]:25.2f}'
+            f'{cpu["simulation"]:12.2f}{cpu["voxels"]:8.2f}{cpu["each_voxel"]:7.3f}'
+            f'{latency["p50"]:19.1f}{latency["p99"]:6.1f}{size["rss"]:19.0f}{size["pss"]:6.0f}'
+            f'   {g["voxels"]:3} ({g["voxels_per_process"]})'
+        )
+    start = results['start']['seconds']
+    lines += [
+        f'60 Hz is held by {results["holds_60_hz"]} voxels, by '
+        f'{results["holds_60_hz_each_alone"]} with a process for each',
+        f'first step of {results["start"]["voxels"]} voxels after '
+        f'{statistics.median(start):.1f} s ({min(start):.1f} to {max(start):.1f})',
+    ]
+    return '\n'.join(lines)
+
+
+def main() -> None:
+    """Measure and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--quick', action='store_true', help='fewer graphs, shorter')
+    parser.add_argument('--json', type=Path, help='also write the figures here')
+    args = parser.parse_args()
+    results = measure(args.quick)
+    print(table(results))
+    if args.json:
+        args.json.write_text(json.dumps(results, indent=1))
+
+
+if __name__ == '__main__':
+    main()
