@@ -8,7 +8,7 @@ import sys
 PARENT = 'SNCA_ROS_PARENT'
 """Environment variable in which a parent hands its process id to its children."""
 
-_PR_SET_PDEATHSIG = 1
+_PR_SET_PDEATHSIG, _PR_SET_NAME = 1, 15
 
 
 def end_with_parent() -> None:
@@ -19,3 +19,8 @@ def end_with_parent() -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
     if os.getppid() != int(parent):
         raise SystemExit(0)
+
+
+def name_process(name: str) -> None:
+    """Let `ps` and `top` show this process by a name, of which they keep 15 characters."""
+    ctypes.CDLL(None).prctl(_PR_SET_NAME, name.encode())

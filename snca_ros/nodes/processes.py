@@ -1,21 +1,107 @@
 """Starting, watching and ending the processes of a graph, leaving none behind."""
 
+import gc
+import importlib
+import math
 import os
 import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
+import traceback
 from pathlib import Path
 
+from snca_ros.cli import main
 from snca_ros.nodes.bringup import Graph, NodeProcess
-from snca_ros.nodes.lifeline import PARENT
+from snca_ros.nodes.lifeline import PARENT, name_process
 
+_LOOK_PERIOD = 0.01  # seconds between looks at whether a fork has ended
 _PATIENCE = 10.0  # seconds for a process to end by itself before it is killed
+
+
+class _Fork:
+    """A child that goes on as a node in a copy of this process: nothing is imported again.
+
+    What `RunningGraph` uses of `subprocess.Popen`.
+    """
+
+    def __init__(self, arguments: list[str], environment: dict[str, str], title: str) -> None:
+        self.returncode: int | None = None
+        sys.stdout.flush()
+        sys.stderr.flush()
+        self.pid = os.fork()
+        if self.pid == 0:
+            code = 1
+            try:
+                code = _become_node(arguments, environment, title)
+            except KeyboardInterrupt:
+                code = 0
+            except SystemExit as stop:
+                code = int(stop.code or 0)
+            except BaseException:
+                traceback.print_exc()
+            finally:
+                sys.stdout.flush()
+                sys.stderr.flush()
+                os._exit(code)  # what else this process was about to do is its parent's to do
+
+    def poll(self) -> int | None:
+        """Return the exit code, minus the signal's number if one ended it, None while it runs."""
+        if self.returncode is None:
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            if pid:
+                self.returncode = os.waitstatus_to_exitcode(status)
+        return self.returncode
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for the exit code; subprocess.TimeoutExpired."""
+        deadline = math.inf if timeout is None else time.monotonic() + timeout
+        while (code := self.poll()) is None:
+            if time.monotonic() > deadline:
+                raise subprocess.TimeoutExpired(f'process {self.pid}', timeout or 0.0)
+            time.sleep(_LOOK_PERIOD)
+        return code
+
+    def send_signal(self, number: int) -> None:
+        """Send a signal, unless the child has ended and been noticed."""
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        """End it at once."""
+        self.send_signal(signal.SIGKILL)
+
+
+def _become_node(arguments: list[str], environment: dict[str, str], title: str) -> int:
+    """Run a node in a process that was just forked; return its exit code."""
+    os.setsid()
+    null = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(null, sys.stdin.fileno() if sys.stdin else 0)
+    os.environ.clear()
+    os.environ.update(environment)
+    name_process(title)
+    sys.argv = [sys.argv[0], *arguments]
+    return main(arguments)
+
+
+def _can_fork() -> bool:
+    """Tell whether a copy of this process could start nodes: no threads, and no ROS at work."""
+    rclpy = sys.modules.get('rclpy')
+    return (
+        sys.platform.startswith('linux')
+        and threading.active_count() == 1
+        and rclpy is not None
+        and not rclpy.ok()
+    )
 
 
 class RunningGraph:
     """The processes of a graph; a context manager that ends them all.
+
+    Where this process has loaded ROS but not yet begun to use it, the voxels are forks of it. Each
+    has its own ROS context all the same, but what all of them import and compile is loaded once.
 
     Args:
         graph: what to start.
@@ -26,11 +112,15 @@ class RunningGraph:
         self.graph = graph
         self._folder = tempfile.TemporaryDirectory(prefix='snca_ros_')
         self._environment = {**os.environ, **environment, PARENT: str(os.getpid())}
-        self._children: dict[NodeProcess, subprocess.Popen] = {}
+        self._children: dict[NodeProcess, _Fork | subprocess.Popen] = {}
 
     def __enter__(self) -> 'RunningGraph':
         params = Path(self._folder.name) / 'params.yaml'
         params.write_text(self.graph.parameters_yaml())
+        if _can_fork():
+            importlib.import_module('snca_ros.nodes.voxel')
+            gc.collect()
+            gc.freeze()  # the collector shall not write into the pages that the voxels share
         try:
             for process in self.graph.processes:
                 self._children[process] = self._start(process, params)
@@ -39,11 +129,14 @@ class RunningGraph:
             raise
         return self
 
-    def _start(self, process: NodeProcess, params: Path) -> subprocess.Popen:
-        command = [
-            sys.executable, '-m', 'snca_ros', process.executable, *process.names,
+    def _start(self, process: NodeProcess, params: Path) -> '_Fork | subprocess.Popen':
+        arguments = [
+            process.executable, *process.names,
             '--ros-args', '-r', f'__ns:=/{self.graph.robot}', '--params-file', str(params),
         ]
+        if process in self.graph.voxels and _can_fork():
+            return _Fork(arguments, self._environment, process.names[0])
+        command = [sys.executable, '-m', 'snca_ros', *arguments]
         # A session of its own: Ctrl-C reaches the walk alone, which ends the others in order.
         return subprocess.Popen(
             command, env=self._environment, stdin=subprocess.DEVNULL, start_new_session=True
@@ -57,7 +150,7 @@ class RunningGraph:
         self._folder.cleanup()
 
     @staticmethod
-    def _end(children: list[subprocess.Popen]) -> None:
+    def _end(children: 'list[_Fork | subprocess.Popen]') -> None:
         for child in children:
             if child.poll() is None:
                 child.send_signal(signal.SIGINT)

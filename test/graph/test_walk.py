@@ -14,18 +14,19 @@ TICK = threading.Event()
 def wait_for(condition, seconds=60.0):
     """Poll what no event tells: the state of foreign processes."""
     for _ in range(int(seconds / 0.05)):
-        if condition():
-            return
+        if found := condition():
+            return found
         TICK.wait(0.05)
     raise AssertionError('the condition never came true')
 
 
-def command_line(pid):
-    """Return the words of a process's command line; a child not yet exec'ed shows its parent's."""
+def node_of(pid):
+    """Return what a child of a walk is: an executable, or the name of a forked voxel."""
     try:
-        return Path(f'/proc/{pid}/cmdline').read_text().split('\0') + [''] * 4
+        words = Path(f'/proc/{pid}/cmdline').read_text().split('\0') + [''] * 4
+        return words[3] if words[3] != 'walk' else Path(f'/proc/{pid}/comm').read_text().strip()
     except OSError:
-        return [''] * 4
+        return ''
 
 
 def test_walk_equals_its_offline_twin(start, make_controller, tmp_path):
@@ -42,8 +43,8 @@ def test_walk_equals_its_offline_twin(start, make_controller, tmp_path):
 @pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_killing_the_walk_leaves_no_process(start, make_controller, tmp_path, number):
     child = start('walk', make_controller('11-10'), '--duration', 3600, '--bag', 'bag')
-    expected = ['recorder_node', 'sim_node', 'voxel_node', 'voxel_node', 'voxel_node']
-    wait_for(lambda: sorted(command_line(p)[3] for p in children_of(child.pid)) == expected)
+    expected = ['recorder_node', 'sim_node', 'voxel_0_0', 'voxel_0_1', 'voxel_1_1']
+    wait_for(lambda: sorted(node_of(p) for p in children_of(child.pid)) == expected)
     pids = children_of(child.pid)
     wait_for((tmp_path / 'bag').exists)
     os.kill(child.pid, number)
@@ -57,8 +58,8 @@ def test_killing_the_walk_leaves_no_process(start, make_controller, tmp_path, nu
 def test_voxel_that_dies_is_named(start, make_controller):
     child = start('walk', make_controller('11-10'), '--duration', 3600, '--no-bag')
     wait_for(lambda: len(children_of(child.pid)) == 4)
-    victim = next(
-        pid for pid in children_of(child.pid) if 'voxel_0_1' in command_line(pid)
+    (victim,) = wait_for(
+        lambda: [pid for pid in children_of(child.pid) if node_of(pid) == 'voxel_0_1']
     )
     os.kill(victim, signal.SIGKILL)
     output, _ = child.communicate(timeout=90)
