@@ -77,8 +77,7 @@ class _Fork:
 def _become_node(arguments: list[str], environment: dict[str, str], title: str) -> int:
     """Run a node in a process that was just forked; return its exit code."""
     os.setsid()
-    null = os.open(os.devnull, os.O_RDONLY)
-    os.dup2(null, sys.stdin.fileno() if sys.stdin else 0)
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.environ.clear()
     os.environ.update(environment)
     name_process(title)
