@@ -7,7 +7,7 @@ from unittest import mock
 import numpy as np
 import pymunk
 
-from sim_node import body
+from sim_node import space as spaces
 from sim_node.material import Material
 from sim_node.simulation import Diverged, Simulation
 from sim_node.solver import Solver
@@ -19,7 +19,7 @@ SHAPES = ('1', 'biped', 'comb', 'worm', '11-11', 'tripod', 'ball-5', 'box-5x5')
 
 
 def new(shape, terrain='flat', solver=None, ground=None, lift=(0.0, 0.0), **material):
-    with mock.patch.object(body, '_add_ground', ground or body._add_ground):
+    with mock.patch.object(spaces, '_add_ground', ground or spaces._add_ground):
         sim = Simulation(shape, terrain, solver=solver, material=Material(**material))
     sim.bodies = sim._owners[0].masses
     for b in sim.bodies:
@@ -171,7 +171,7 @@ def welds(quick):
 def ground_of(radius, chain=False):
     """Return a builder of polygons or of a chain of segments, shrunk and rounded by `radius`."""
     def add_ground(space, terrain):
-        p, base = np.column_stack([terrain.x, terrain.y]), terrain.y.min() - body.GROUND_THICKNESS
+        p, base = np.column_stack([terrain.x, terrain.y]), terrain.y.min() - spaces.GROUND_THICKNESS
         along = np.diff(p, axis=0)
         normals = along[:, ::-1] * (-1, 1) / np.linalg.norm(along, axis=1)[:, None]
         both = np.vstack([2 * normals[:1], normals[:-1] + normals[1:], 2 * normals[-1:]])

@@ -1,17 +1,15 @@
-"""Morphology and material become pymunk bodies, springs and joints.
+"""Morphology and material become tables of masses and constraints, for every engine the same.
 
-The order in which bodies and constraints enter the space decides Munk2D's result and is part of
+The order in which masses and constraints enter a space decides an engine's result and is part of
 the model: per voxel its 4 masses; then per voxel its 18 springs, its 4 contraction limits and its
 welds to neighbours with a smaller index.
 """
 
-import functools
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import pymunk
 
 from sim_node.material import Material
 from sim_node.morphology import Morphology
@@ -20,58 +18,60 @@ from sim_node.terrain import Terrain
 CORNERS = ((-1, 1), (1, 1), (1, -1), (-1, -1))
 """Signs of (x, y) of a voxel's four corner masses: NW, NE, SE, SW."""
 
-GROUND_THICKNESS = 50.0
-"""Depth [m] of the solid ground below its lowest point."""
+SPRING, LIMIT, WELD = range(3)
+"""Kinds of constraint: a damped spring; a least distance; a pivot, two anchors held together."""
 
-_WALKER, _GROUND = 0b01, 0b10
 _SIDES = ((0, 1), (1, 2), (2, 3), (3, 0))
 
 
-@dataclass(frozen=True)
-class Body:
-    """A robot put down in a space of its own.
+class Constraints(NamedTuple):
+    """What acts between two masses: one row per constraint, in the order of insertion.
 
     Attributes:
-        space: the pymunk space; holds ground and robot.
-        masses: 4 bodies per voxel in the order of `CORNERS`, voxel by voxel.
-        springs: 18 damped springs per voxel, voxel by voxel.
-        rest: (3, n_springs) rest lengths [m] at full contraction, at rest and at full expansion.
-        ground: the static body of the ground.
+        kinds: (n,) `SPRING`, `LIMIT` or `WELD`.
+        ends: (n, 2) indices of the masses a and b.
+        anchors: (n, 4) a's x, y and b's x, y [m], each in its mass's own axes.
+        rest: (n,) a spring's length at rest, a limit's least distance [m]; 0 for a weld.
+        stiffness: (n,) of a spring [N/m]; 0 for others.
+        damping: (n,) of a spring [N s/m]; 0 for others.
     """
 
-    space: pymunk.Space
-    masses: list[pymunk.Body]
-    springs: list[pymunk.DampedSpring]
+    kinds: np.ndarray
+    ends: np.ndarray
+    anchors: np.ndarray
     rest: np.ndarray
-    ground: pymunk.Body
+    stiffness: np.ndarray
+    damping: np.ndarray
 
 
-def build_body(
-    morphology: Morphology,
-    terrain: Terrain,
-    material: Material,
-    iterations: int,
-    self_collision: bool,
-) -> Body:
-    """Build a space with the ground and one robot, placed as in 2D-VSR-Sim.
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A robot put down at rest: square masses, all alike (`Material`), and what joins them.
+
+    Masses that a weld joins do not collide.
+
+    Attributes:
+        positions: (n_masses, 2) of the masses [m], in the order of `CORNERS`, voxel by voxel.
+        constraints: 18 springs, 4 contraction limits and the welds of each voxel in turn.
+        rest_lengths: (3, n_springs) [m] at full contraction, at rest and at full expansion, 18 per
+            voxel in the order of the springs among the constraints.
+    """
+
+    positions: np.ndarray
+    constraints: Constraints
+    rest_lengths: np.ndarray
+
+
+def build_body(morphology: Morphology, terrain: Terrain, material: Material) -> Body:
+    """Return the robot's tables, placed as in 2D-VSR-Sim.
 
     The robot's left-most point is 1 m past the left wall, its lowest point 1 m above the ground.
     """
-    space = pymunk.Space()
-    space.iterations = iterations
-    space.gravity = (0.0, -material.gravity)
-    space.damping = math.exp(-material.damping)
-    ground = _add_ground(space, terrain)
-    masses = _add_masses(space, morphology, terrain, material, self_collision)
-    springs: list[pymunk.DampedSpring] = []
-    for i in range(morphology.n_voxels):
-        corners = masses[4 * i : 4 * i + 4]
-        own = _springs(corners, material)
-        springs += own
-        space.add(*own)
-        space.add(*_contraction_limits(corners, material))
-        space.add(*_welds(i, morphology, masses, material))
-    return Body(space, masses, springs, _rest_table(material, morphology.n_voxels), ground)
+    return Body(
+        _positions(morphology, terrain, material),
+        _constraints(morphology, material),
+        _rest_lengths(morphology, material),
+    )
 
 
 def placement(morphology: Morphology, terrain: Terrain, material: Material) -> tuple[float, float]:
@@ -84,45 +84,42 @@ def placement(morphology: Morphology, terrain: Terrain, material: Material) -> t
     return x0, 1.0 - min(room)
 
 
-def _add_ground(space: pymunk.Space, terrain: Terrain) -> pymunk.Body:
-    ground = space.static_body
-    base = float(terrain.y.min()) - GROUND_THICKNESS
-    points = list(zip(terrain.x.tolist(), terrain.y.tolist(), strict=True))
-    for (x0, y0), (x1, y1) in zip(points[:-1], points[1:], strict=True):
-        shape = pymunk.Poly(ground, [(x0, base), (x1, base), (x1, y1), (x0, y0)])
-        # Munk2D multiplies the coefficients of a pair: the product is the masses' own.
-        shape.friction = 1.0
-        shape.elasticity = 1.0
-        shape.filter = pymunk.ShapeFilter(categories=_GROUND)
-        space.add(shape)
-    return ground
-
-
-def _add_masses(
-    space: pymunk.Space,
-    morphology: Morphology,
-    terrain: Terrain,
-    material: Material,
-    self_collision: bool,
-) -> list[pymunk.Body]:
+def _positions(morphology: Morphology, terrain: Terrain, material: Material) -> np.ndarray:
     x0, y0 = placement(morphology, terrain, material)
     half, reach = material.side / 2, (material.side - material.mass_side) / 2
-    mask = _GROUND | _WALKER if self_collision else _GROUND
-    masses = []
-    for x, y in morphology.cells:
-        for sx, sy in CORNERS:
-            body = pymunk.Body(material.mass, material.moment)
-            body.position = (
-                x0 + x * material.side + half + sx * reach,
-                y0 + y * material.side + half + sy * reach,
-            )
-            shape = pymunk.Poly.create_box(body, (material.mass_side, material.mass_side))
-            shape.friction = material.friction
-            shape.elasticity = material.restitution
-            shape.filter = pymunk.ShapeFilter(categories=_WALKER, mask=mask)
-            space.add(body, shape)
-            masses.append(body)
-    return masses
+    return np.array([
+        (x0 + x * material.side + half + sx * reach, y0 + y * material.side + half + sy * reach)
+        for x, y in morphology.cells
+        for sx, sy in CORNERS
+    ])
+
+
+class _Row(NamedTuple):
+    """One constraint; anchors [m] on the masses a and b."""
+
+    kind: int
+    a: int
+    b: int
+    anchor_a: tuple[float, float] = (0.0, 0.0)
+    anchor_b: tuple[float, float] = (0.0, 0.0)
+    rest: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.0
+
+
+def _constraints(morphology: Morphology, material: Material) -> Constraints:
+    own = [*_springs(material), *_contraction_limits(material)]
+    rows = []
+    for i in range(morphology.n_voxels):
+        rows += [row._replace(a=4 * i + row.a, b=4 * i + row.b) for row in own]
+        rows += _welds(i, morphology, material)
+    kinds, a, b, anchors_a, anchors_b, *numbers = zip(*rows, strict=True)
+    return Constraints(
+        np.array(kinds),
+        np.column_stack([a, b]),
+        np.column_stack([anchors_a, anchors_b]),
+        *map(np.array, numbers),
+    )
 
 
 def _spring_ends() -> list[tuple[int, int, tuple[float, float], tuple[float, float], int]]:
@@ -149,20 +146,7 @@ def _spring_ends() -> list[tuple[int, int, tuple[float, float], tuple[float, flo
 _SPRING_ENDS = _spring_ends()
 
 
-class _Spring(NamedTuple):
-    """One of a voxel's springs: masses, anchors [m] on them, rest length, stiffness, damping."""
-
-    a: int
-    b: int
-    anchor_a: tuple[float, float]
-    anchor_b: tuple[float, float]
-    rest_length: float
-    stiffness: float
-    damping: float
-
-
-@functools.cache
-def _springs_of(material: Material) -> tuple[_Spring, ...]:
+def _springs(material: Material) -> list[_Row]:
     """Return the 18 springs of a voxel; stiffness and damping follow from frequency and ratio."""
     rest = material.rest_lengths(material.side)
     omega = 2.0 * math.pi * material.frequency
@@ -174,12 +158,12 @@ def _springs_of(material: Material) -> tuple[_Spring, ...]:
         y = (CORNERS[b][1] - CORNERS[a][1]) * reach + at_b[1] - at_a[1]
         axis = (x / math.hypot(x, y), y / math.hypot(x, y))
         m_eff = _effective_mass(material, axis, at_a, at_b)
-        springs.append(_Spring(
-            a, b, at_a, at_b, rest[kind],
+        springs.append(_Row(
+            SPRING, a, b, at_a, at_b, rest[kind],
             stiffness=m_eff * omega**2,
             damping=2.0 * m_eff * material.damping_ratio * omega,
         ))
-    return tuple(springs)
+    return springs
 
 
 def _effective_mass(
@@ -192,34 +176,18 @@ def _effective_mass(
     return 1.0 / inverse
 
 
-def _springs(corners: list[pymunk.Body], material: Material) -> list[pymunk.DampedSpring]:
-    return [
-        pymunk.DampedSpring(corners[spring.a], corners[spring.b], *spring[2:])
-        for spring in _springs_of(material)
-    ]
-
-
-def _contraction_limits(
-    corners: list[pymunk.Body], material: Material
-) -> list[pymunk.SlideJoint]:
+def _contraction_limits(material: Material) -> list[_Row]:
     """Keep the masses along each side at least one mass side apart, centre to centre."""
-    return [
-        pymunk.SlideJoint(
-            corners[a], corners[b], (0.0, 0.0), (0.0, 0.0), material.mass_side, math.inf
-        )
-        for a, b in _SIDES
-    ]
+    return [_Row(LIMIT, a, b, rest=material.mass_side) for a, b in _SIDES]
 
 
-def _welds(
-    i: int, morphology: Morphology, masses: list[pymunk.Body], material: Material
-) -> list[pymunk.PivotJoint]:
+def _welds(i: int, morphology: Morphology, material: Material) -> list[_Row]:
     """Fix the facing masses of voxel `i` and its left and lower neighbours edge to edge.
 
     Two pivots, at both ends of the edge that a pair shares, hold position and angle.
     """
     r = material.mass_side / 2
-    joints = []
+    welds = []
     for direction, pairs in ((1, ((0, 1), (3, 2))), (2, ((3, 0), (2, 1)))):
         j = morphology.neighbors[i, direction]
         if j < 0:
@@ -227,16 +195,12 @@ def _welds(
         for mine, theirs in pairs:
             for t in (r, -r):
                 here, there = ((-r, t), (r, t)) if direction == 1 else ((t, -r), (t, r))
-                joint = pymunk.PivotJoint(
-                    masses[4 * i + mine], masses[4 * j + theirs], here, there
-                )
-                joint.collide_bodies = False
-                joints.append(joint)
-    return joints
+                welds.append(_Row(WELD, 4 * i + mine, 4 * j + theirs, here, there))
+    return welds
 
 
-def _rest_table(material: Material, n_voxels: int) -> np.ndarray:
+def _rest_lengths(morphology: Morphology, material: Material) -> np.ndarray:
     kinds = [kind for *_, kind in _SPRING_ENDS]
     changes = (-material.area_range, 0.0, material.area_range)
     rows = [material.rest_lengths(material.actuated_side(change)) for change in changes]
-    return np.tile(np.array([[row[kind] for kind in kinds] for row in rows]), (1, n_voxels))
+    return np.tile(np.array([[row[kind] for kind in kinds] for row in rows]), morphology.n_voxels)

@@ -23,6 +23,7 @@ from sim_node.sensors import (
     sample_windows,
 )
 from sim_node.solver import Solver
+from sim_node.space import Space
 from sim_node.stamps import CONTROL_RATE
 from sim_node.terrain import Terrain, parse_terrain
 
@@ -175,6 +176,7 @@ class Simulation:
         self.material = material or Material()
         self.solver = solver or Solver()
         self.sensor_noise, self.seed = float(sensor_noise), seed
+        self._body = build_body(self.morphology, self.terrain, self.material)
         self.step_count = 0
         self.reset()
 
@@ -184,17 +186,15 @@ class Simulation:
         The space is built anew: the same robot on the same terrain always repeats bit for bit.
         """
         n, m = self.morphology.n_voxels, self.material
-        body = build_body(
-            self.morphology, self.terrain, m, self.solver.iterations, self.solver.self_collision
-        )
-        reader = munk.BodyReader(len(body.masses))
+        space = Space(self._body, self.terrain, m, self.solver)
+        reader = munk.BodyReader(len(space.masses))
         touches, velocities = sample_windows(n)
-        self._owners = body, reader  # keep alive what the handles point to
+        self._owners = space, reader  # keep alive what the handles point to
         self.world = World(
-            space=munk.handle(body.space._space),
-            bodies=np.array([munk.handle(b._body) for b in body.masses], dtype=np.uintp),
-            springs=np.array([munk.handle(s._constraint) for s in body.springs], dtype=np.uintp),
-            rest=body.rest,
+            space=munk.handle(space.space._space),
+            bodies=np.array([munk.handle(b._body) for b in space.masses], dtype=np.uintp),
+            springs=np.array([munk.handle(s._constraint) for s in space.springs], dtype=np.uintp),
+            rest=self._body.rest_lengths.copy(),
             actuation=np.zeros(n),
             dt=1.0 / CONTROL_RATE / self.solver.substeps,
             substeps=self.solver.substeps,
@@ -203,7 +203,7 @@ class Simulation:
             batch=reader.batch,
             filled=reader.filled,
             masses=reader.rows,
-            contact=np.array([munk.handle(body.ground._body), 0, 0, 0], dtype=np.uintp),
+            contact=np.array([munk.handle(space.ground._body), 0, 0, 0], dtype=np.uintp),
             half_side=m.mass_side / 2.0,
             rest_area=m.side**2,
             corners=np.zeros((n, 4, 2)),

@@ -9,6 +9,8 @@ import pytest
 from sim_node.body import build_body, placement
 from sim_node.material import Material
 from sim_node.morphology import parse_morphology
+from sim_node.solver import Solver
+from sim_node.space import Space
 from sim_node.terrain import UNSEEN_TERRAINS, parse_terrain
 
 PLACED = ('1', 'biped', 'comb', 'worm', 'ball-5', 't-5x3')
@@ -22,10 +24,9 @@ CENTRAL = 0.18, 1.8 * math.sqrt(2)  # from centre to centre: 50/9
 
 
 def build(shape, terrain='flat', iterations=10, self_collision=False, **material):
-    return build_body(
-        parse_morphology(shape), parse_terrain(terrain), Material(**material), iterations,
-        self_collision,
-    )
+    terrain, material = parse_terrain(terrain), Material(**material)
+    solver = Solver(iterations=iterations, self_collision=self_collision)
+    return Space(build_body(parse_morphology(shape), terrain, material), terrain, material, solver)
 
 
 def joints(body, kind):
@@ -103,17 +104,18 @@ def test_springs_are_at_rest_in_the_robot_put_down():
 
 def test_table_of_rest_lengths():
     body = build('11')
-    assert body.rest.shape == (3, 36)
-    assert [s.rest_length for s in body.springs] == pytest.approx(body.rest[1])
-    for change, lengths in zip((0.775, 1.0, 1.225), body.rest, strict=True):
+    rest = build_body(parse_morphology('11'), parse_terrain('flat'), Material()).rest_lengths
+    assert rest.shape == (3, 36)
+    assert [s.rest_length for s in body.springs] == rest[1].tolist()
+    for change, lengths in zip((0.775, 1.0, 1.225), rest, strict=True):
         side = 3 * math.sqrt(change)
         kinds = {0.6: side - 2.4, math.sqrt(1.8): math.hypot(1.2, side - 2.4),
                  1.8 * math.sqrt(2): (side - 1.2) * math.sqrt(2)}
         expected = [kinds[min(kinds, key=lambda k, s=s: abs(k - s.rest_length))]
                     for s in body.springs]
         assert lengths == pytest.approx(expected)
-    assert (body.rest[0] < body.rest[1]).all()
-    assert (body.rest[1] < body.rest[2]).all()
+    assert (rest[0] < rest[1]).all()
+    assert (rest[1] < rest[2]).all()
 
 
 def test_contraction_limits():
