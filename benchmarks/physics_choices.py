@@ -6,11 +6,14 @@ from unittest import mock
 
 import numpy as np
 import pymunk
+from pymunk._chipmunk import ffi, lib
 
-from sim_node import space as spaces
+from sim_node import munk, simulation
 from sim_node.material import Material
+from sim_node.pymunk_view import pymunk_view
 from sim_node.simulation import Diverged, Simulation
 from sim_node.solver import Solver
+from sim_node.space import Space
 from sim_node.terrain import Terrain
 
 SOLVERS = [Solver(*s) for s in ((1, 5), (1, 7), (1, 10), (1, 20), (2, 10), (4, 20), (1, 10, True))]
@@ -19,9 +22,10 @@ SHAPES = ('1', 'biped', 'comb', 'worm', '11-11', 'tripod', 'ball-5', 'box-5x5')
 
 
 def new(shape, terrain='flat', solver=None, ground=None, lift=(0.0, 0.0), **material):
-    with mock.patch.object(spaces, '_add_ground', ground or spaces._add_ground):
+    with mock.patch.object(simulation, 'Space', ground or Space):
         sim = Simulation(shape, terrain, solver=solver, material=Material(**material))
-    sim.bodies = sim._owners[0].masses
+    sim.view = pymunk_view(sim.space)
+    sim.bodies = sim.view.bodies
     for b in sim.bodies:
         b.position += lift
     return sim
@@ -138,7 +142,7 @@ def random_sequences(quick):
 
 def errors(sim):
     """Return widest gap [% of a mass side] and angle [degrees]; 100 if far voxels overlap."""
-    joints = [j for j in sim._owners[0].space.constraints if isinstance(j, pymunk.PivotJoint)]
+    joints = [j for j in sim.view.constraints if isinstance(j, pymunk.PivotJoint)]
     gaps = [j.a.local_to_world(j.anchor_a) - j.b.local_to_world(j.anchor_b) for j in joints]
     angles = [abs(j.a.angle - j.b.angle) for j in joints]
     cells, p = np.array(sim.morphology.cells), sim.world.masses[:, :2]
@@ -169,24 +173,30 @@ def welds(quick):
 
 
 def ground_of(radius, chain=False):
-    """Return a builder of polygons or of a chain of segments, shrunk and rounded by `radius`."""
-    def add_ground(space, terrain):
-        p, base = np.column_stack([terrain.x, terrain.y]), terrain.y.min() - spaces.GROUND_THICKNESS
-        along = np.diff(p, axis=0)
-        normals = along[:, ::-1] * (-1, 1) / np.linalg.norm(along, axis=1)[:, None]
-        both = np.vstack([2 * normals[:1], normals[:-1] + normals[1:], 2 * normals[-1:]])
-        p = [tuple(q) for q in (p - 2 * radius * both / (both**2).sum(axis=1)[:, None]).tolist()]
-        for k, (a, b) in enumerate(zip(p[:-1], p[1:], strict=True)):
-            corners = [(a[0], base), (b[0], base), b, a]
-            shape = pymunk.Poly(space.static_body, corners, radius=radius)
-            if chain:
-                shape = pymunk.Segment(space.static_body, a, b, radius)
-                shape.set_neighbors(p[max(k - 1, 0)], p[min(k + 2, len(p) - 1)])
-            shape.friction = shape.elasticity = 1.0
-            shape.filter = pymunk.ShapeFilter(categories=0b10)
-            space.add(shape)
-        return space.static_body
-    return add_ground
+    """Return a space with polygons or a chain of segments, shrunk and rounded by `radius`."""
+    class Variant(Space):
+        def _add_ground(self, polygons):
+            p = np.vstack([polygons[:, 3], polygons[-1:, 2]])
+            along = np.diff(p, axis=0)
+            normals = along[:, ::-1] * (-1, 1) / np.linalg.norm(along, axis=1)[:, None]
+            both = np.vstack([2 * normals[:1], normals[:-1] + normals[1:], 2 * normals[-1:]])
+            p = (p - 2 * radius * both / (both**2).sum(axis=1)[:, None]).tolist()
+            space, body = (ffi.cast('void *', h) for h in (self.handle, self.ground))
+            shapes, base = [], polygons[0, 0, 1]
+            for k, (a, b) in enumerate(zip(p[:-1], p[1:], strict=True)):
+                if chain:
+                    shape = lib.cpSegmentShapeNew(body, a, b, radius)
+                    before, after = p[max(k - 1, 0)], p[min(k + 2, len(p) - 1)]
+                    lib.cpSegmentShapeSetNeighbors(shape, before, after)
+                else:
+                    corners = [(a[0], base), (b[0], base), b, a]
+                    shape = lib.cpPolyShapeNewRaw(body, 4, corners, radius)
+                lib.cpShapeSetFriction(shape, 1.0)
+                lib.cpShapeSetElasticity(shape, 1.0)
+                lib.cpShapeSetFilter(shape, pymunk.ShapeFilter(categories=0b10))
+                shapes.append(munk.handle(lib.cpSpaceAddShape(space, shape)))
+            return np.array(shapes, dtype=np.uintp)
+    return Variant
 
 
 GROUNDS = {'polygons': ground_of(0.0), 'polygons, r 0.2': ground_of(0.2),

@@ -1,4 +1,10 @@
-"""The few C functions of Munk2D, pymunk's engine, that compiled code calls without Python."""
+"""The few C functions of Munk2D, pymunk's engine, that compiled code calls without Python.
+
+Two of Munk2D's structs are passed by value: `cpVect` as the two doubles that it is made of, and
+`cpShapeFilter` as two integers, group and category | mask << 32. The calling conventions of
+x86-64 (System V) and AArch64 pass either struct in the same registers as its parts, as long as
+registers suffice: eight doubles, six integers.
+"""
 
 from typing import Any
 
@@ -11,6 +17,8 @@ from pymunk.batch import BodyFields
 from sim_node.compiled import compiled_callback
 
 _HANDLE: Any = types.uintp
+_REAL: Any = types.float64
+_VECTOR = _REAL, _REAL
 _VOID: Any = types.void
 _POINTER: Any = types.CPointer(_HANDLE)
 
@@ -25,13 +33,38 @@ def _address(name: str) -> int:
     return int(ffi.cast('uintptr_t', ffi.addressof(lib, name)))
 
 
-space_step = _function('cpSpaceStep', types.void, _HANDLE, types.float64)
-space_each_body = _function('cpSpaceEachBody', types.void, _HANDLE, _HANDLE, _HANDLE)
-body_each_arbiter = _function('cpBodyEachArbiter', types.void, _HANDLE, _HANDLE, _HANDLE)
-arbiter_get_bodies = _function('cpArbiterGetBodies', types.void, _HANDLE, _HANDLE, _HANDLE)
-spring_set_rest_length = _function(
-    'cpDampedSpringSetRestLength', types.void, _HANDLE, types.float64
+space_step = _function('cpSpaceStep', _VOID, _HANDLE, _REAL)
+space_each_body = _function('cpSpaceEachBody', _VOID, _HANDLE, _HANDLE, _HANDLE)
+space_add_body = _function('cpSpaceAddBody', _HANDLE, _HANDLE, _HANDLE)
+space_add_shape = _function('cpSpaceAddShape', _HANDLE, _HANDLE, _HANDLE)
+space_add_constraint = _function('cpSpaceAddConstraint', _HANDLE, _HANDLE, _HANDLE)
+space_free = _function('cpSpaceFree', _VOID, _HANDLE)
+
+body_new = _function('cpBodyNew', _HANDLE, _REAL, _REAL)
+body_set_position = _function('cpBodySetPosition', _VOID, _HANDLE, *_VECTOR)
+body_each_arbiter = _function('cpBodyEachArbiter', _VOID, _HANDLE, _HANDLE, _HANDLE)
+body_free = _function('cpBodyFree', _VOID, _HANDLE)
+arbiter_get_bodies = _function('cpArbiterGetBodies', _VOID, _HANDLE, _HANDLE, _HANDLE)
+
+box_new = _function('cpBoxShapeNew', _HANDLE, _HANDLE, _REAL, _REAL, _REAL)
+polygon_new = _function('cpPolyShapeNewRaw', _HANDLE, _HANDLE, types.int32, _HANDLE, _REAL)
+shape_set_friction = _function('cpShapeSetFriction', _VOID, _HANDLE, _REAL)
+shape_set_elasticity = _function('cpShapeSetElasticity', _VOID, _HANDLE, _REAL)
+shape_set_filter = _function('cpShapeSetFilter', _VOID, _HANDLE, types.uint64, types.uint64)
+shape_free = _function('cpShapeFree', _VOID, _HANDLE)
+
+spring_new = _function(
+    'cpDampedSpringNew', _HANDLE, _HANDLE, _HANDLE, *_VECTOR, *_VECTOR, _REAL, _REAL, _REAL
 )
+spring_set_rest_length = _function('cpDampedSpringSetRestLength', _VOID, _HANDLE, _REAL)
+limit_new = _function(
+    'cpSlideJointNew', _HANDLE, _HANDLE, _HANDLE, *_VECTOR, *_VECTOR, _REAL, _REAL
+)
+pivot_new = _function('cpPivotJointNew2', _HANDLE, _HANDLE, _HANDLE, *_VECTOR, *_VECTOR)
+constraint_set_collide_bodies = _function(
+    'cpConstraintSetCollideBodies', _VOID, _HANDLE, types.int32
+)
+constraint_free = _function('cpConstraintFree', _VOID, _HANDLE)
 
 READ_BODY = _address('pmSpaceBodyGetIteratorFuncBatched')
 """Address of the iterator that copies the chosen fields of each body into a batch."""

@@ -149,6 +149,10 @@ class Simulation:
         sensor_noise: standard deviation of N(0, sigma) added to readings.
         seed: of the sensor noise; every `reset` starts it anew.
 
+    Attributes:
+        world: what the engine reads and writes.
+        space: the Munk2D space of the ground and the robot since the last `reset`.
+
     Raises:
         InvalidInput: a name or number is off.
     """
@@ -177,6 +181,7 @@ class Simulation:
         self.solver = solver or Solver()
         self.sensor_noise, self.seed = float(sensor_noise), seed
         self._body = build_body(self.morphology, self.terrain, self.material)
+        self._ground = self.terrain.polygons
         self.step_count = 0
         self.reset()
 
@@ -186,14 +191,14 @@ class Simulation:
         The space is built anew: the same robot on the same terrain always repeats bit for bit.
         """
         n, m = self.morphology.n_voxels, self.material
-        space = Space(self._body, self.terrain, m, self.solver)
-        reader = munk.BodyReader(len(space.masses))
+        space = Space(self._body, self._ground, m, self.solver)
+        reader = munk.BodyReader(len(space.bodies))
         touches, velocities = sample_windows(n)
-        self._owners = space, reader  # keep alive what the handles point to
+        self.space, self._reader = space, reader  # keep alive what the handles point to
         self.world = World(
-            space=munk.handle(space.space._space),
-            bodies=np.array([munk.handle(b._body) for b in space.masses], dtype=np.uintp),
-            springs=np.array([munk.handle(s._constraint) for s in space.springs], dtype=np.uintp),
+            space=space.handle,
+            bodies=space.bodies,
+            springs=space.springs,
             rest=self._body.rest_lengths.copy(),
             actuation=np.zeros(n),
             dt=1.0 / CONTROL_RATE / self.solver.substeps,
@@ -203,7 +208,7 @@ class Simulation:
             batch=reader.batch,
             filled=reader.filled,
             masses=reader.rows,
-            contact=np.array([munk.handle(space.ground._body), 0, 0, 0], dtype=np.uintp),
+            contact=np.array([space.ground, 0, 0, 0], dtype=np.uintp),
             half_side=m.mass_side / 2.0,
             rest_area=m.side**2,
             corners=np.zeros((n, 4, 2)),

@@ -1,82 +1,151 @@
-"""A pymunk space with the ground and one robot, from the robot's tables."""
+"""A Munk2D space made of a robot's tables by compiled code, in the order that the tables give.
 
+pymunk's objects would cost a hundred times as much: about 300 of them per robot and reset.
+"""
+
+import functools
 import math
+import weakref
+from collections.abc import Callable
 
-import pymunk
+import numpy as np
+from pymunk._chipmunk import lib
 
+from sim_node import munk
 from sim_node.body import LIMIT, SPRING, Body
+from sim_node.compiled import compiled
 from sim_node.material import Material
 from sim_node.solver import Solver
-from sim_node.terrain import Terrain
-
-GROUND_THICKNESS = 50.0
-"""Depth [m] of the solid ground below its lowest point."""
 
 _WALKER, _GROUND = 0b01, 0b10
+_EVERYTHING = 0xFFFFFFFF
 
 
 class Space:
-    """A pymunk space that holds ground and robot.
+    """Ground and one robot in a Munk2D space of their own, freed with this object.
+
+    Handles are pointers of Munk2D as integers; they are good as long as this object lives.
+    `pymunk_view` shows what they point to.
+
+    Args:
+        body: the robot.
+        ground: (n_pieces, 4, 2) corners [m] of the ground's polygons, see `Terrain.polygons`.
+        material: of masses, contacts and world.
+        solver: iterations and self-collision.
 
     Attributes:
-        space: the pymunk space.
-        masses: bodies in the order of the table.
-        springs: damped springs in the order of the table.
-        ground: the static body of the ground.
+        handle: of the space.
+        ground: handle of the ground, a static body.
+        bodies: (n_masses,) handles, in the order of the robot's masses.
+        springs: (n_springs,) handles, in the order of the robot's springs.
     """
 
-    def __init__(self, body: Body, terrain: Terrain, material: Material, solver: Solver) -> None:
-        self.space = pymunk.Space()
-        self.space.iterations = solver.iterations
-        self.space.gravity = (0.0, -material.gravity)
-        self.space.damping = math.exp(-material.damping)
-        self.ground = _add_ground(self.space, terrain)
-        self.masses = _add_masses(self.space, body, material, solver.self_collision)
-        _add_constraints(self.space, body, self.masses)
-        self.springs = [c for c in self.space.constraints if isinstance(c, pymunk.DampedSpring)]
+    def __init__(
+        self, body: Body, ground: np.ndarray, material: Material, solver: Solver
+    ) -> None:
+        space = lib.cpSpaceNew()
+        lib.cpSpaceSetIterations(space, solver.iterations)
+        lib.cpSpaceSetGravity(space, (0.0, -material.gravity))
+        lib.cpSpaceSetDamping(space, math.exp(-material.damping))
+        self.handle = munk.handle(space)
+        self.ground = munk.handle(lib.cpSpaceGetStaticBody(space))
+        ground_shapes = self._add_ground(ground)
+        self.bodies, shapes = _add_masses(
+            self.handle,
+            body.positions,
+            material.mass,
+            material.moment,
+            material.mass_side,
+            material.friction,
+            material.restitution,
+            _GROUND | _WALKER if solver.self_collision else _GROUND,
+        )
+        constraints = _add_constraints(self.handle, self.bodies, body.constraints)
+        self.springs = constraints[body.constraints.kinds == SPRING]
+        finalizer = weakref.finalize(
+            self, _loaded_free(), self.handle, constraints, ground_shapes, shapes, self.bodies
+        )
+        finalizer.atexit = False  # the process's end frees all memory
+
+    def _add_ground(self, polygons: np.ndarray) -> np.ndarray:
+        """Add the ground's shapes and return their handles; this object will free them."""
+        return _add_polygons(self.handle, self.ground, polygons)
 
 
-def _add_ground(space: pymunk.Space, terrain: Terrain) -> pymunk.Body:
-    ground = space.static_body
-    base = float(terrain.y.min()) - GROUND_THICKNESS
-    points = list(zip(terrain.x.tolist(), terrain.y.tolist(), strict=True))
-    for (x0, y0), (x1, y1) in zip(points[:-1], points[1:], strict=True):
-        shape = pymunk.Poly(ground, [(x0, base), (x1, base), (x1, y1), (x0, y0)])
-        # Munk2D multiplies the coefficients of a pair: the product is the masses' own.
-        shape.friction = 1.0
-        shape.elasticity = 1.0
-        shape.filter = pymunk.ShapeFilter(categories=_GROUND)
-        space.add(shape)
-    return ground
+@compiled
+def _add_shape(space, shape, friction, elasticity, category, mask):
+    """Add a shape.
+
+    Munk2D multiplies the friction and elasticity of the two shapes of a pair.
+    """
+    munk.shape_set_friction(shape, friction)
+    munk.shape_set_elasticity(shape, elasticity)
+    munk.shape_set_filter(shape, 0, np.uint64(category) | np.uint64(mask) << np.uint64(32))
+    munk.space_add_shape(space, shape)
 
 
-def _add_masses(
-    space: pymunk.Space, table: Body, material: Material, self_collision: bool
-) -> list[pymunk.Body]:
-    mask = _GROUND | _WALKER if self_collision else _GROUND
-    masses = []
-    for x, y in table.positions.tolist():
-        body = pymunk.Body(material.mass, material.moment)
-        body.position = (x, y)
-        shape = pymunk.Poly.create_box(body, (material.mass_side, material.mass_side))
-        shape.friction = material.friction
-        shape.elasticity = material.restitution
-        shape.filter = pymunk.ShapeFilter(categories=_WALKER, mask=mask)
-        space.add(body, shape)
-        masses.append(body)
-    return masses
+@compiled
+def _add_polygons(space, ground, polygons):
+    """Add the ground's polygons; a pair's friction and elasticity are then the masses' own."""
+    shapes = np.empty(polygons.shape[0], np.uintp)
+    for i in range(polygons.shape[0]):
+        corners = polygons[i]
+        shapes[i] = munk.polygon_new(ground, corners.shape[0], corners.ctypes.data, 0.0)
+        _add_shape(space, shapes[i], 1.0, 1.0, _GROUND, _EVERYTHING)
+    return shapes
 
 
-def _add_constraints(space: pymunk.Space, table: Body, masses: list[pymunk.Body]) -> None:
-    for kind, (i, j), anchors, rest, k, c in zip(
-        *(column.tolist() for column in table.constraints), strict=True
-    ):
-        a, b, at_a, at_b = masses[i], masses[j], tuple(anchors[:2]), tuple(anchors[2:])
-        if kind == SPRING:
-            space.add(pymunk.DampedSpring(a, b, at_a, at_b, rest, k, c))
-        elif kind == LIMIT:
-            space.add(pymunk.SlideJoint(a, b, at_a, at_b, rest, math.inf))
+@compiled
+def _add_masses(space, positions, mass, moment, side, friction, elasticity, mask):
+    """Add a square body at each position; return the handles of bodies and shapes."""
+    bodies = np.empty(positions.shape[0], np.uintp)
+    shapes = np.empty(positions.shape[0], np.uintp)
+    for i in range(positions.shape[0]):
+        bodies[i] = munk.body_new(mass, moment)
+        munk.body_set_position(bodies[i], positions[i, 0], positions[i, 1])
+        munk.space_add_body(space, bodies[i])
+        shapes[i] = munk.box_new(bodies[i], side, side, 0.0)
+        _add_shape(space, shapes[i], friction, elasticity, _WALKER, mask)
+    return bodies, shapes
+
+
+@compiled
+def _add_constraints(space, bodies, table):
+    """Add all constraints and return their handles."""
+    constraints = np.empty(table.kinds.shape[0], np.uintp)
+    for i in range(constraints.shape[0]):
+        a, b = bodies[table.ends[i, 0]], bodies[table.ends[i, 1]]
+        ax, ay, bx, by = table.anchors[i]
+        if table.kinds[i] == SPRING:
+            constraints[i] = munk.spring_new(
+                a, b, ax, ay, bx, by, table.rest[i], table.stiffness[i], table.damping[i]
+            )
+        elif table.kinds[i] == LIMIT:
+            constraints[i] = munk.limit_new(a, b, ax, ay, bx, by, table.rest[i], math.inf)
         else:
-            weld = pymunk.PivotJoint(a, b, at_a, at_b)
-            weld.collide_bodies = False
-            space.add(weld)
+            constraints[i] = munk.pivot_new(a, b, ax, ay, bx, by)
+            munk.constraint_set_collide_bodies(constraints[i], 0)
+        munk.space_add_constraint(space, constraints[i])
+    return constraints
+
+
+@compiled
+def _free(space, constraints, ground_shapes, shapes, bodies):
+    """Free a space, then all that was in it."""
+    munk.space_free(space)
+    for i in range(constraints.shape[0]):
+        munk.constraint_free(constraints[i])
+    for i in range(ground_shapes.shape[0]):
+        munk.shape_free(ground_shapes[i])
+    for i in range(shapes.shape[0]):
+        munk.shape_free(shapes[i])
+    for i in range(bodies.shape[0]):
+        munk.body_free(bodies[i])
+
+
+@functools.cache
+def _loaded_free() -> Callable:
+    """Return `_free`, compiled: the garbage collector may call it in the midst of a compilation."""
+    nothing = np.empty(0, np.uintp)
+    _free(0, nothing, nothing, nothing, nothing)
+    return _free

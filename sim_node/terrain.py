@@ -18,6 +18,9 @@ WALL_WIDTH, WALL_HEIGHT = 10.0, 100.0
 FLAT_LEVEL = 5.0
 """Height [m] of flat ground, and of the lower end of a slope."""
 
+DEPTH = 50.0
+"""Depth [m] of the solid ground below its lowest point."""
+
 _STEP_RISE_WIDTH = 0.5
 _NUMBER = r'(\d+(?:\.\d+)?)'
 _MAX_HEIGHT, _MAX_RUN, _MAX_ANGLE = 100.0, 1000.0, 60.0
@@ -40,6 +43,17 @@ class Terrain:
     def start(self) -> float:
         """Return the x [m] where the left wall ends and robots are put down."""
         return float(self.x[1])
+
+    @property
+    def polygons(self) -> np.ndarray:
+        """Return the solid ground, one polygon per piece of the profile: (n_pieces, 4, 2) [m].
+
+        Corners are counter-clockwise from the lower left one. A convex hull by Munk2D starts at
+        the same corner, which matters for an engine's last bits.
+        """
+        top = np.column_stack([self.x, self.y])
+        base = np.column_stack([self.x, np.full_like(self.x, self.y.min() - DEPTH)])
+        return np.stack([base[:-1], base[1:], top[1:], top[:-1]], axis=1)
 
     def height_at(self, x: float) -> float:
         """Return the ground's height [m] at `x` [m]."""

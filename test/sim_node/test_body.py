@@ -1,14 +1,16 @@
 import itertools
 import math
 from collections import Counter
+from types import SimpleNamespace
 
 import numpy as np
 import pymunk
 import pytest
 
-from sim_node.body import build_body, placement
+from sim_node.body import LIMIT, SPRING, WELD, build_body, placement
 from sim_node.material import Material
 from sim_node.morphology import parse_morphology
+from sim_node.pymunk_view import pymunk_view
 from sim_node.solver import Solver
 from sim_node.space import Space
 from sim_node.terrain import UNSEEN_TERRAINS, parse_terrain
@@ -26,7 +28,12 @@ CENTRAL = 0.18, 1.8 * math.sqrt(2)  # from centre to centre: 50/9
 def build(shape, terrain='flat', iterations=10, self_collision=False, **material):
     terrain, material = parse_terrain(terrain), Material(**material)
     solver = Solver(iterations=iterations, self_collision=self_collision)
-    return Space(build_body(parse_morphology(shape), terrain, material), terrain, material, solver)
+    body = build_body(parse_morphology(shape), terrain, material)
+    view = pymunk_view(Space(body, terrain.polygons, material, solver))
+    springs = [c for c in view.constraints if isinstance(c, pymunk.DampedSpring)]
+    return SimpleNamespace(
+        space=view, masses=list(view.bodies), springs=springs, ground=view.static_body
+    )
 
 
 def joints(body, kind):
@@ -162,6 +169,26 @@ def test_constraints_enter_voxel_by_voxel():
     kinds = [type(c).__name__ for c in build('11').space.constraints]
     voxel = ['DampedSpring'] * 18 + ['SlideJoint'] * 4
     assert kinds == voxel + voxel + ['PivotJoint'] * 4
+
+
+@pytest.mark.parametrize('shape', ['1', 'biped', 'comb', 't-5x3'])
+def test_the_space_holds_the_tables_exactly(shape):
+    body = build(shape, 'hilly-1-10-0', damping_ratio=0.2)
+    terrain = parse_terrain('hilly-1-10-0')
+    table = build_body(parse_morphology(shape), terrain, Material(damping_ratio=0.2))
+    assert [tuple(b.position) for b in body.masses] == [*map(tuple, table.positions.tolist())]
+    numbers = {
+        pymunk.DampedSpring: lambda c: (SPRING, c.rest_length, c.stiffness, c.damping),
+        pymunk.SlideJoint: lambda c: (LIMIT, c.min, 0.0, 0.0),
+        pymunk.PivotJoint: lambda c: (WELD, 0.0, 0.0, 0.0),
+    }
+    index = {mass: i for i, mass in enumerate(body.masses)}
+    rows = [
+        (index[c.a], index[c.b], *c.anchor_a, *c.anchor_b, *numbers[type(c)](c))
+        for c in body.space.constraints
+    ]
+    kinds, ends, anchors, *others = table.constraints
+    assert rows == [*map(tuple, np.column_stack([ends, anchors, kinds, *others]).tolist())]
 
 
 def test_contact_coefficients_and_world():

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pymunk
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 from sim_node.errors import InvalidInput
 from sim_node.material import Material
 from sim_node.morphology import parse_morphology
+from sim_node.pymunk_view import pymunk_view
 from sim_node.simulation import Diverged, Simulation
 from sim_node.solver import Solver
 from sim_node.terrain import parse_terrain
@@ -38,8 +40,8 @@ def run(sim, seconds, actuation=0.0):
 
 
 def rest_lengths(sim):
-    body, _ = sim._owners
-    return np.array([s.rest_length for s in body.springs])
+    springs = [c for c in pymunk_view(sim.space).constraints if isinstance(c, pymunk.DampedSpring)]
+    return np.array([s.rest_length for s in springs])
 
 
 def test_readings_at_the_reset():
@@ -85,11 +87,11 @@ def test_substeps_divide_the_control_step():
 def test_masses_are_read_in_the_order_of_the_body():
     sim = Simulation('comb', 'hilly-1-10-0')
     run(sim, 2.0, 0.3)
-    body, _ = sim._owners
-    rows = [(*b.position, b.angle, *b.velocity) for b in body.masses]
+    masses = pymunk_view(sim.space).bodies
+    rows = [(*b.position, b.angle, *b.velocity) for b in masses]
     assert sim.world.masses.tolist() == [pytest.approx(row, abs=0.0) for row in rows]
-    assert sim.center == pytest.approx(np.mean([b.position for b in body.masses], axis=0))
-    assert sim.velocity == pytest.approx(np.mean([b.velocity for b in body.masses], axis=0))
+    assert sim.center == pytest.approx(np.mean([b.position for b in masses], axis=0))
+    assert sim.velocity == pytest.approx(np.mean([b.velocity for b in masses], axis=0))
 
 
 def test_touch_of_a_landed_robot():
@@ -363,8 +365,8 @@ def test_morphology_and_terrain_may_be_given_as_objects():
 
 def test_touching_itself_is_no_touch():
     sim = Simulation('comb', material=Material(gravity=0.0), solver=Solver(self_collision=True))
-    body, _ = sim._owners
-    for mass in body.masses:
+    view = pymunk_view(sim.space)
+    for mass in view.bodies:
         mass.position += (50.0, 100.0)
     rng, met = np.random.default_rng(0), []
     for _ in range(30):
@@ -372,6 +374,6 @@ def test_touching_itself_is_no_touch():
         for _ in range(10):
             readings = sim.step(actuation)
             assert not readings[:, 1].any()
-            for mass in body.masses:
+            for mass in view.bodies:
                 mass.each_arbiter(lambda arbiter: met.append(arbiter.shapes))
     assert met

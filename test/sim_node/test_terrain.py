@@ -1,6 +1,7 @@
 import math
 
 import numpy as np
+import pymunk
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -170,3 +171,12 @@ def test_limits_are_inclusive():
     for name in ('hilly-100-1-0', 'hilly-0-1000-0', 'uphill-60', 'downhill-0'):
         check_profile(parse_terrain(name))
     assert parse_terrain('uphill-60').height_at(11.0) == pytest.approx(5.0 + math.sqrt(3.0))
+
+
+@pytest.mark.parametrize('name', ['flat', *UNSEEN_TERRAINS, 'steppy-100-1-0', 'uphill-60'])
+def test_polygons_are_their_own_convex_hulls(name):
+    terrain = parse_terrain(name)
+    polygons = [[tuple(p) for p in polygon] for polygon in terrain.polygons.tolist()]
+    assert len(polygons) == len(terrain.x) - 1
+    for polygon in polygons:
+        assert pymunk.Poly(None, polygon).get_vertices() == polygon
