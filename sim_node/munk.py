@@ -1,4 +1,4 @@
-"""The few C functions of Munk2D, pymunk's engine, that compiled code calls without Python.
+"""The C functions of Munk2D, pymunk's engine, that compiled code calls without Python.
 
 Two of Munk2D's structs are passed by value: `cpVect` as the two doubles that it is made of, and
 `cpShapeFilter` as two integers, group and category | mask << 32. The calling conventions of

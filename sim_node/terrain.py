@@ -48,8 +48,7 @@ class Terrain:
     def polygons(self) -> np.ndarray:
         """Return the solid ground, one polygon per piece of the profile: (n_pieces, 4, 2) [m].
 
-        Corners are counter-clockwise from the lower left one. A convex hull by Munk2D starts at
-        the same corner, which matters for an engine's last bits.
+        Corners are counter-clockwise from the lower left one, as Munk2D orders a convex hull.
         """
         top = np.column_stack([self.x, self.y])
         base = np.column_stack([self.x, np.full_like(self.x, self.y.min() - DEPTH)])

@@ -59,14 +59,31 @@ def made_of_objects(body, terrain, material, solver):
     return space
 
 
-@pytest.mark.parametrize('shape', ['1', 'biped', 'comb', '11-11'])
-@pytest.mark.parametrize('terrain', ['flat', 'hilly-2-20-0', 'steppy-0.5-10-3', 'downhill-20'])
-@pytest.mark.parametrize('options', [(Material(), Solver()), (ODD, Solver(1, 7, True))])
-def test_moves_as_the_space_made_of_objects_bit_for_bit(shape, terrain, options):
+def two_spaces(shape, terrain, options):
+    """Return a view of a `Space` and the same space made of objects."""
     terrain, (material, solver) = parse_terrain(terrain), options
     body = build_body(parse_morphology(shape), terrain, material)
     view = pymunk_view(Space(body, terrain.polygons, material, solver))
-    expected = made_of_objects(body, terrain, material, solver)
+    return view, made_of_objects(body, terrain, material, solver)
+
+
+OPTIONS = [(Material(), Solver()), (ODD, Solver(1, 7, True))]
+
+
+@pytest.mark.parametrize('options', OPTIONS)
+def test_shapes_are_those_of_the_space_made_of_objects(options):
+    shapes = [
+        [(s.get_vertices(), s.radius, s.friction, s.elasticity, s.filter) for s in space.shapes]
+        for space in two_spaces('biped', 'hilly-1-10-0', options)
+    ]
+    assert shapes[0] == shapes[1]
+
+
+@pytest.mark.parametrize('shape', ['1', 'biped', 'comb', '11-11'])
+@pytest.mark.parametrize('terrain', ['flat', 'hilly-2-20-0', 'steppy-0.5-10-3', 'downhill-20'])
+@pytest.mark.parametrize('options', OPTIONS)
+def test_moves_as_the_space_made_of_objects_bit_for_bit(shape, terrain, options):
+    view, expected = two_spaces(shape, terrain, options)
     rng, touched = np.random.default_rng(0), []
     for k in range(180):
         speeds = rng.normal(0.0, 3.0, (len(view.bodies), 2)).tolist() if k % 30 == 0 else None
