@@ -19,7 +19,7 @@ from sim_node import munk
 from sim_node.compiled import compiled
 from sim_node.simulation import Simulation, sense, set_rest_lengths
 from snca_ros.cell.nca import Architecture
-from snca_ros.controller import Controller, step_cells
+from snca_ros.controller import Controller, step_all
 from snca_ros.evolution.locomotion import EPISODE, run_episode
 
 CASES = [
@@ -47,7 +47,7 @@ def sensor_steps(world, n_steps):
 def cell_steps(cells, neighbors, readings, actuation, n_steps):
     """Step the cells and nothing else."""
     for k in range(n_steps):
-        step_cells(cells, neighbors, readings, k, actuation)
+        step_all(cells, neighbors, readings, k, actuation)
 
 
 @compiled

@@ -11,6 +11,7 @@ from typing import Any
 
 import numba
 from numba.core import config
+from numba.core.compiler import Compiler
 
 _lock = threading.Lock()
 
@@ -50,6 +51,33 @@ def compiled(function: Callable) -> Callable:
     gives the same bits wherever it is called from.
     """
     return _cached(lambda: numba.njit(function, cache=True, error_model='numpy'))
+
+
+def compiled_inline(function: Callable) -> Callable:
+    """Compile `function` into each of its callers: for small functions with large arguments."""
+    return _cached(
+        lambda: numba.njit(function, cache=True, error_model='numpy', forceinline=True)
+    )
+
+
+class _NoAlias(Compiler):
+    """Numba's compiler, told that the array arguments of a function share no memory."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self.state.flags.noalias = True
+
+
+def compiled_kernel(function: Callable) -> Callable:
+    """Compile a function whose array arguments must not overlap, so that its loops vectorise.
+
+    It too goes into each of its callers; vector instructions do the same arithmetic.
+    """
+    return _cached(
+        lambda: numba.njit(
+            function, cache=True, error_model='numpy', forceinline=True, pipeline_class=_NoAlias
+        )
+    )
 
 
 def compiled_callback(signature: Any) -> Callable:

@@ -8,7 +8,8 @@ import numpy as np
 from sim_node.compiled import compiled
 from sim_node.errors import InvalidInput
 from sim_node.morphology import OPPOSITE, Morphology
-from snca_ros.cell.nca import Architecture, Cells, step_cell
+from snca_ros.cell.cells import Cells, step_cells
+from snca_ros.cell.nca import Architecture
 
 _OPPOSITE = np.array(OPPOSITE)
 
@@ -24,16 +25,14 @@ def deliver(cells, neighbors):
                 continue
             side = _OPPOSITE[d] if directional else 0
             for c in range(cells.inbox.shape[2]):
-                for h in range(cells.inbox.shape[3]):
-                    cells.inbox[i, d, c, h] = cells.outbox[sender, side, c, h]
+                cells.inbox[i, d, c] = cells.outbox[sender, side, c]
 
 
 @compiled
-def step_cells(cells, neighbors, readings, step, actuation):
-    """Advance all cells by control step `step`; write `actuation`, (n,)."""
+def step_all(cells, neighbors, readings, step, actuation):
+    """Deliver what was sent and advance all cells by control step `step`; write `actuation`."""
     deliver(cells, neighbors)
-    for i in range(neighbors.shape[0]):
-        actuation[i] = step_cell(cells, i, readings[i], step)
+    step_cells(cells, 0, neighbors.shape[0], readings, step, actuation)
 
 
 def weights_of(
@@ -44,12 +43,20 @@ def weights_of(
     Raises:
         InvalidInput: `theta` is not a vector of architecture.n_parameters(n_voxels) numbers.
     """
+    rows, row_of_voxel = _rows(architecture, theta, n_voxels)
+    return rows[row_of_voxel[voxel]]
+
+
+def _rows(
+    architecture: Architecture, theta: np.ndarray, n_voxels: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return `theta` as (n_rows, weights_per_cell), and which row each voxel runs."""
     theta = np.asarray(theta, dtype=np.float64)
     expected = architecture.n_parameters(n_voxels)
     if theta.shape != (expected,):
         raise InvalidInput('theta', f'shape {theta.shape}', f'shape ({expected},)')
     rows = theta.reshape(-1, architecture.weights_per_cell)
-    return rows[0 if architecture.uniform else voxel]
+    return rows, np.zeros(n_voxels, np.int64) if architecture.uniform else np.arange(n_voxels)
 
 
 class Controller:
@@ -70,8 +77,7 @@ class Controller:
     ) -> None:
         n = morphology.n_voxels
         self.architecture, self.morphology = architecture, morphology
-        rows = [weights_of(architecture, theta, n, i) for i in range(n)]
-        self.cells = Cells(architecture, np.array(rows))
+        self.cells = Cells(architecture, *_rows(architecture, theta, n))
         self.neighbors = morphology.neighbors
         self.step_count = 0
 
@@ -90,6 +96,6 @@ class Controller:
             (n_voxels,) actuation in [-1, 1].
         """
         actuation = np.empty(self.morphology.n_voxels)
-        step_cells(self.cells.state, self.neighbors, readings, self.step_count, actuation)
+        step_all(self.cells.state, self.neighbors, readings, self.step_count, actuation)
         self.step_count += 1
         return actuation

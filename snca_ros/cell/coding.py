@@ -1,6 +1,11 @@
-"""Rate coding: sensor readings become spike trains, output spikes become actuation."""
+"""Rate coding: sensor readings become spike trains, output spikes become actuation.
 
-from sim_node.compiled import compiled
+A spike train of one control step is an integer: bit h is set if SNN step h has a spike.
+"""
+
+import numpy as np
+
+from sim_node.compiled import compiled_inline
 from sim_node.stamps import CONTROL_RATE
 
 SNN_STEPS = 16
@@ -19,9 +24,9 @@ NEVER = -1
 """Value of `last_spike` before the first spike."""
 
 
-@compiled
-def encode(reading, last_spike, first_step, trains, neuron):
-    """Write the spike train of one reading and return the step of its newest spike.
+@compiled_inline
+def encode(reading, last_spike, first_step):
+    """Return the spike train of one reading and the SNN step of its newest spike.
 
     A spike falls on every step h for which h - h_last is a positive multiple of
     floor(f_h / f), f = r (f_max - f_min) + f_min (paper, Eq. 4); the first one at once.
@@ -29,39 +34,57 @@ def encode(reading, last_spike, first_step, trains, neuron):
     Args:
         reading: r in [0, 1].
         last_spike: SNN step h_last of the newest spike, or NEVER.
-        first_step: SNN step of trains[0].
-        trains: (16, n) spikes of a layer; column `neuron` is written with 0.0 and 1.0.
+        first_step: the SNN step of the train's bit 0.
     """
-    n_steps = trains.shape[0]
-    period = int(SNN_RATE // (reading * (F_MAX - F_MIN) + F_MIN))
+    period = int(SNN_RATE / (reading * (F_MAX - F_MIN) + F_MIN))
     due = first_step
     if last_spike != NEVER:
         elapsed = max(first_step - last_spike, 1)
         due = last_spike + (elapsed + period - 1) // period * period
-    for i in range(n_steps):
-        trains[i, neuron] = 0.0
-    while due < first_step + n_steps:
-        trains[due - first_step, neuron] = 1.0
+    train = 0
+    while due < first_step + SNN_STEPS:
+        train |= 1 << (due - first_step)
         last_spike = due
         due += period
-    return last_spike
+    return train, last_spike
 
 
-@compiled
-def decode(counts, age):
+@compiled_inline
+def count_spikes(train):
+    """Return the number of spikes in a train."""
+    n = 0
+    while train != 0:
+        train &= train - 1
+        n += 1
+    return n
+
+
+def pack_trains(spikes: np.ndarray) -> np.ndarray:
+    """Return the (...) trains of (..., SNN_STEPS) spikes, 0.0 or 1.0."""
+    return spikes @ (1 << np.arange(SNN_STEPS))
+
+
+def unpack_trains(trains: np.ndarray) -> np.ndarray:
+    """Return the (..., SNN_STEPS) spikes, 0.0 or 1.0, of (...) trains."""
+    bits = np.asarray(trains)[..., np.newaxis].astype(np.int64) >> np.arange(SNN_STEPS)
+    return (bits & 1).astype(np.float64)
+
+
+@compiled_inline
+def decode(counts, cell, age):
     """Return the actuation in [-1, 1] from the spikes of the last control steps.
 
     a = 2 n / (f_max T) - 1, clipped; n spikes in the window of duration T (paper, Eq. 5, with
     the unit mended as in the authors' code).
 
     Args:
-        counts: (ACTUATION_WINDOW,) ring buffer of spikes per control step.
+        counts: (n, ACTUATION_WINDOW) ring buffers of spikes per control step; `cell` picks one.
         age: control steps that the cell has made, this one included.
     """
-    n_steps = min(age, counts.shape[0])
+    n_steps = min(age, ACTUATION_WINDOW)
     n_spikes = 0
     for i in range(n_steps):
-        n_spikes += counts[i]
+        n_spikes += counts[cell, i]
     duration = n_steps / CONTROL_RATE
     a = 2.0 * (n_spikes / (F_MAX * duration)) - 1.0
     return min(max(a, -1.0), 1.0)

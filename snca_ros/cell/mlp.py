@@ -1,35 +1,34 @@
 """Multi-layer perceptron with tanh everywhere, inputs included (2D-VSR-Sim)."""
 
-import math
-
-from sim_node.compiled import compiled
-
-
-def n_weights(sizes: tuple[int, ...]) -> int:
-    """Return the number of weights and biases of fully connected layers of these sizes."""
-    return sum((a + 1) * b for a, b in zip(sizes[:-1], sizes[1:], strict=True))
+from sim_node.compiled import compiled_kernel
+from sim_node.elementary import tanh
+from snca_ros.cell.layers import LANES
 
 
-@compiled
-def run_network(sizes, weights, values):
-    """Compute all layers: y = tanh(b + sum_i w_i x_i), with tanh on the inputs too.
+@compiled_kernel
+def run_networks(first, last, rows, sizes, weights, values):
+    """Compute the networks of some cells: y = tanh(b + sum_i w_i x_i), tanh on inputs too.
 
     Args:
+        first, last: the cells from `first` to, but not with, `last`.
+        rows: (n_cells,) which row of weights a cell runs.
         sizes: (n_layers,) neurons per layer.
-        weights: layer by layer; per layer the biases, then a row per presynaptic neuron.
-        values: (n_layers, widest) row 0 holds the inputs; all rows leave as activations.
+        weights: (n_rows, ...) of `pad_synapses`; per layer the biases, then a row per
+            presynaptic neuron.
+        values: (n_cells, n_layers, widest); inputs in layer 0; all leave as activations.
     """
-    for i in range(sizes[0]):
-        values[0, i] = math.tanh(values[0, i])
-    synapse = 0
-    for layer in range(1, sizes.shape[0]):
-        pre, post = sizes[layer - 1], sizes[layer]
-        for j in range(post):
-            values[layer, j] = weights[synapse + j]
-        for i in range(pre):
-            row = synapse + (i + 1) * post
-            for j in range(post):
-                values[layer, j] += weights[row + j] * values[layer - 1, i]
-        for j in range(post):
-            values[layer, j] = math.tanh(values[layer, j])
-        synapse += (pre + 1) * post
+    for cell in range(first, last):
+        row, synapse = rows[cell], 0
+        for layer in range(sizes.shape[0]):
+            n = (sizes[layer] + LANES - 1) // LANES * LANES
+            if layer > 0:
+                for j in range(n):
+                    values[cell, layer, j] = weights[row, synapse + j]
+                for i in range(sizes[layer - 1]):
+                    synapse += n
+                    x = values[cell, layer - 1, i]
+                    for j in range(n):
+                        values[cell, layer, j] += weights[row, synapse + j] * x
+                synapse += n
+            for j in range(n):
+                values[cell, layer, j] = tanh(values[cell, layer, j])

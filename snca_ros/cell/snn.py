@@ -3,9 +3,11 @@
 from typing import NamedTuple
 
 import numpy as np
+from numba.cpython.unsafe.numbers import trailing_zeros
 
-from sim_node.compiled import compiled
-from snca_ros.cell.coding import SNN_RATE
+from sim_node.compiled import compiled, compiled_kernel
+from snca_ros.cell.coding import SNN_RATE, SNN_STEPS
+from snca_ros.cell.layers import LANES, padded, synapses_by_layer
 
 THETA_0 = 1.0
 """Threshold at rest [mV]."""
@@ -40,107 +42,153 @@ def lif_constants(homeostasis: bool, as_printed: bool) -> Lif:
     return Lif(LEAK * step, PSI_INC if homeostasis else 0.0, as_printed)
 
 
-def n_weights(sizes: tuple[int, ...]) -> int:
-    """Return the number of synapses of fully connected layers of these sizes; no biases."""
-    return sum(a * b for a, b in zip(sizes[:-1], sizes[1:], strict=True))
-
-
 def threshold_ceilings(
     sizes: tuple[int, ...], weights: np.ndarray, homeostasis: bool
 ) -> np.ndarray:
-    """Return (n_layers, widest) upper bounds of the thresholds at rest [mV].
+    """Return (n_layers, padded widest) upper bounds of the thresholds at rest [mV].
 
     With homeostasis the sum of a neuron's incoming weights (1 for input neurons), summed in
     presynaptic order; without, no bound.
     """
-    ceilings = np.full((len(sizes), max(sizes)), np.inf)
+    ceilings = np.full((len(sizes), padded(max(sizes))), np.inf)
     if homeostasis:
         ceilings[0, : sizes[0]] = 1.0
-        synapse = 0
-        for layer, (pre, post) in enumerate(zip(sizes[:-1], sizes[1:], strict=True), start=1):
-            synapses = weights[synapse : synapse + pre * post].reshape(pre, post)
-            ceilings[layer, :post] = np.add.accumulate(synapses, axis=0)[-1]
-            synapse += pre * post
+        for layer, synapses in enumerate(synapses_by_layer(sizes, weights, bias=False), start=1):
+            ceilings[layer, : sizes[layer]] = np.add.accumulate(synapses, axis=0)[-1]
     return ceilings
 
 
-@compiled
-def lif_layer(lif, layer, n, ceilings, trains, v, psi):
-    """Run one layer of n LIF neurons through a train of SNN steps (paper, Eq. 1 to 3).
+@compiled_kernel
+def input_currents(cell, n, trains, currents):
+    """Write the currents [mV] of the n input neurons, 1 where their train has a spike."""
+    for h in range(SNN_STEPS):
+        for j in range(n):
+            currents[h, j] = 1.0 if (trains[cell, 0, j] >> h) & 1 else 0.0
+
+
+@compiled_kernel
+def propagate(cell, row, layer, pre, n, weights, synapse, trains, currents):
+    """Write the currents [mV] into `layer`: the weights of all synapses that carry a spike.
+
+    Args:
+        cell, row: whose trains, and whose weights.
+        pre, n: neurons of the layer before and, padded, of this layer.
+        weights: (n_rows, ...) of `pad_synapses`; `synapse` is the layer's first.
+        trains: (n_cells, n_layers, widest).
+        currents: (SNN_STEPS, widest), written.
+    """
+    for h in range(SNN_STEPS):
+        for j in range(n):
+            currents[h, j] = 0.0
+    for i in range(pre):
+        train = trains[cell, layer - 1, i]
+        while train != 0:
+            h = trailing_zeros(train)
+            train &= train - 1
+            for j in range(n):
+                currents[h, j] += weights[row, synapse + i * n + j]
+
+
+@compiled_kernel
+def fire(lif, cell, row, layer, n, currents, ceilings, v, psi, trains):
+    """Run a layer of n LIF neurons through a control step (paper, Eq. 1 to 3).
 
     theta = min(theta_0, ceiling) + psi; v <- v - lambda dt v + current; v >= theta: a spike,
     v <- v_rest, psi <- psi + psi_inc; else psi <- psi - lambda dt psi.
 
+    A neuron's state stays in registers through its SNN steps, neurons side by side in a vector.
+
     Args:
         lif: the model's constants.
-        layer: which row of the arrays, all (n_layers, ..., widest).
-        ceilings: of `threshold_ceilings`.
-        trains: (n_layers, 16, widest) the layer's input current [mV], replaced by its spikes.
-        v, psi: state [mV], written.
+        cell, row, layer: whose state, and whose ceilings.
+        n: neurons, a multiple of LANES.
+        currents: (SNN_STEPS, widest) [mV].
+        ceilings: (n_rows, n_layers, widest) of `threshold_ceilings`.
+        v, psi: (n_cells, n_layers, widest) state [mV], written.
+        trains: (n_cells, n_layers, widest) spike trains, written.
     """
-    for h in range(trains.shape[1]):
-        for j in range(n):
-            threshold = min(THETA_0, ceilings[layer, j]) + psi[layer, j]
-            potential = v[layer, j] - lif.leak * v[layer, j] + trains[layer, h, j]
-            offset = psi[layer, j]
-            fired = potential >= threshold
-            v[layer, j] = V_REST if fired else potential
-            psi[layer, j] = offset + lif.psi_inc if fired else offset - lif.leak * offset
-            trains[layer, h, j] = 1.0 if fired else 0.0
+    for j in range(n):
+        rest = min(THETA_0, ceilings[row, layer, j])
+        leaked = v[cell, layer, j] - lif.leak * v[cell, layer, j]
+        offset = psi[cell, layer, j]
+        train = 0
+        for h in range(SNN_STEPS):
+            potential = leaked + currents[h, j]
+            fired = potential >= rest + offset
+            offset = offset + lif.psi_inc if fired else offset - lif.leak * offset
+            # The next step's leak in advance, while this step's comparison is under way.
+            leaked = V_REST - lif.leak * V_REST if fired else potential - lif.leak * potential
+            train |= np.int64(fired) << h
+        v[cell, layer, j] = V_REST if fired else potential
+        psi[cell, layer, j] = offset
+        trains[cell, layer, j] = train
 
 
-@compiled
-def lif_layer_as_printed(lif, layer, n, ceilings, trains, v, psi, theta):
-    """Run one layer as the paper prints it: the threshold compounds, a spike needs v > theta.
+@compiled_kernel
+def fire_as_printed(lif, cell, row, layer, n, currents, ceilings, v, psi, theta, trains):
+    """Run a layer as the paper prints it: the threshold compounds, a spike needs v > theta.
 
-    Arguments as of `lif_layer`; theta: (n_layers, widest) the thresholds [mV], written.
+    Arguments as of `fire`; theta: (n_cells, n_layers, widest) thresholds [mV], written.
     """
-    for h in range(trains.shape[1]):
-        for j in range(n):
-            theta[layer, j] = min(theta[layer, j], ceilings[layer, j]) + psi[layer, j]
-            potential = v[layer, j] - lif.leak * v[layer, j] + trains[layer, h, j]
-            if potential > theta[layer, j]:
-                v[layer, j] = V_REST
-                psi[layer, j] += lif.psi_inc
-                trains[layer, h, j] = 1.0
+    for j in range(n):
+        threshold = theta[cell, layer, j]
+        potential, offset = v[cell, layer, j], psi[cell, layer, j]
+        train = 0
+        for h in range(SNN_STEPS):
+            threshold = min(threshold, ceilings[row, layer, j]) + offset
+            potential = potential - lif.leak * potential + currents[h, j]
+            if potential > threshold:
+                potential = V_REST
+                offset += lif.psi_inc
+                train |= 1 << h
             else:
-                v[layer, j] = potential
-                psi[layer, j] -= lif.leak * psi[layer, j]
-                trains[layer, h, j] = 0.0
+                offset -= lif.leak * offset
+        theta[cell, layer, j] = threshold
+        v[cell, layer, j], psi[cell, layer, j] = potential, offset
+        trains[cell, layer, j] = train
+
+
+@compiled_kernel
+def run_layer(
+    lif, first, last, rows, layer, pre, n, synapse, weights, ceilings, currents,
+    v, psi, theta, trains,
+):
+    """Run one layer of the cells from `first` to `last`; arguments as of `run_networks`."""
+    for cell in range(first, last):
+        row = rows[cell]
+        if layer == 0:
+            input_currents(cell, n, trains, currents)
+        else:
+            propagate(cell, row, layer, pre, n, weights, synapse, trains, currents)
+        if lif.as_printed:
+            fire_as_printed(
+                lif, cell, row, layer, n, currents, ceilings, v, psi, theta, trains
+            )
+        else:
+            fire(lif, cell, row, layer, n, currents, ceilings, v, psi, trains)
 
 
 @compiled
-def propagate(layer, pre, post, weights, first_synapse, trains):
-    """Write the currents [mV] into `layer`: the weights of all synapses that carry a spike."""
-    for h in range(trains.shape[1]):
-        for j in range(post):
-            trains[layer, h, j] = 0.0
-        for i in range(pre):
-            if trains[layer - 1, h, i] > 0.0:
-                row = first_synapse + i * post
-                for j in range(post):
-                    trains[layer, h, j] += weights[row + j]
-
-
-@compiled
-def run_network(lif, sizes, weights, ceilings, trains, v, psi, theta):
-    """Run all layers through one control step of SNN steps, without delay between layers.
+def run_networks(
+    lif, first, last, rows, sizes, weights, ceilings, currents, v, psi, theta, trains
+):
+    """Run the networks of some cells through one control step, without delay between layers.
 
     A feed-forward network may finish one layer's train before it starts the next layer.
 
     Args:
+        first, last: the cells from `first` to, but not with, `last`.
+        rows: (n_cells,) which row of weights and ceilings a cell runs.
         sizes: (n_layers,) neurons per layer.
-        weights: synapses layer by layer, presynaptic index slow.
-        trains: (n_layers, 16, widest) row 0 holds the input spikes; all rows leave as spikes.
+        weights: (n_rows, ...) of `pad_synapses`.
+        currents: (SNN_STEPS, widest) scratch.
+        trains: (n_cells, n_layers, widest); input trains in layer 0; all leave as the layers'.
     """
     synapse = 0
     for layer in range(sizes.shape[0]):
-        n = sizes[layer]
-        if layer > 0:
-            pre = sizes[layer - 1]
-            propagate(layer, pre, n, weights, synapse, trains)
-            synapse += pre * n
-        if lif.as_printed:
-            lif_layer_as_printed(lif, layer, n, ceilings, trains, v, psi, theta)
-        else:
-            lif_layer(lif, layer, n, ceilings, trains, v, psi)
+        pre, n = sizes[max(layer - 1, 0)], (sizes[layer] + LANES - 1) // LANES * LANES
+        run_layer(
+            lif, first, last, rows, layer, pre, n, synapse, weights, ceilings, currents,
+            v, psi, theta, trains,
+        )
+        synapse += pre * n if layer > 0 else 0

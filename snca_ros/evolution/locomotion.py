@@ -7,7 +7,7 @@ import numpy as np
 from sim_node.compiled import compiled
 from sim_node.simulation import Simulation, advance, center
 from sim_node.stamps import CONTROL_RATE
-from snca_ros.controller import Controller, step_cells
+from snca_ros.controller import Controller, step_all
 
 EPISODE, TRANSIENT = 30.0, 5.0
 """Length of an episode [s], and what is discarded at its start [s] (paper, section 4.1)."""
@@ -19,7 +19,7 @@ def _walk(world, cells, neighbors, n_steps, noise, centers):
     actuation = np.zeros(neighbors.shape[0])
     centers[0] = center(world)
     for k in range(n_steps):
-        step_cells(cells, neighbors, world.readings, k, actuation)
+        step_all(cells, neighbors, world.readings, k, actuation)
         if not advance(world, actuation, k + 1, noise[k]):
             return k
         centers[k + 1] = center(world)

@@ -22,7 +22,7 @@ from sim_node.morphology import DIRECTIONS, OPPOSITE
 from sim_node.ros import RosNode, run_nodes
 from sim_node.sensors import N_SENSORS
 from sim_node.stamps import stamp_of_step
-from snca_ros.cell.nca import Cells
+from snca_ros.cell.cells import Cells
 from snca_ros.controller import weights_of
 from snca_ros.controller_file import load_controller
 from snca_ros.nodes.spikes import CellMessages, topic_name
@@ -73,8 +73,10 @@ class VoxelNode(RosNode):
         n_voxels = trained.morphology.n_voxels
         weights = weights_of(self._architecture, trained.theta, n_voxels, index)
         self._cells = Cells(self._architecture, weights[np.newaxis])
-        silence = np.zeros_like(self._cells.state.inbox[0])
-        warm_up('cell', lambda: self._cells.step_cell(0, np.zeros(N_SENSORS), silence, 0))
+        warm_up(
+            'cell',
+            lambda: self._cells.step_cell(0, np.zeros(N_SENSORS), self._cells.silence(), 0),
+        )
 
     def _make_topics(self) -> None:
         qos, queue = interface.stream_qos(), interface.stream_qos(interface.QUEUE)
@@ -99,7 +101,7 @@ class VoxelNode(RosNode):
     def _restart(self) -> None:
         """Start afresh, as at the reset of the simulation."""
         self._cells.reset()
-        self._inbox = np.zeros_like(self._cells.state.inbox[0])
+        self._inbox = self._cells.silence()
         self._readings: np.ndarray | None = None  # sensors(k) not yet answered
         self._step = -1  # k of the newest sensors
         self._since = 0.0

@@ -25,7 +25,8 @@ from reference_cell import (
 )
 
 from sim_node.morphology import parse_morphology
-from snca_ros.cell.nca import Architecture, Cells
+from snca_ros.cell.cells import Cells
+from snca_ros.cell.nca import Architecture
 from snca_ros.controller import Controller
 
 MODELS = ('mlp', 'snn', 'snn-h')
