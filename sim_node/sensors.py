@@ -7,7 +7,8 @@ import math
 
 import numpy as np
 
-from sim_node.compiled import compiled
+from sim_node.compiled import compiled, compiled_inline, compiled_kernel
+from sim_node.elementary import tanh
 
 SENSORS = ('area', 'touch', 'velocity_x', 'velocity_y')
 """Names of the readings, in their order."""
@@ -21,11 +22,11 @@ _AREA_LOW, _AREA_HIGH = 0.5, 1.5
 _SPEED = 8.0
 
 
-@compiled
+@compiled_inline
 def soft_normalise(value, low, high):
     """Map [low, high] softly to [0, 1] (2D-VSR-Sim): tanh((2 u - 1) 2) / 2 + 1/2, u linear."""
     u = (value - low) / (high - low)
-    return math.tanh((2.0 * u - 1.0) * 2.0) / 2.0 + 0.5
+    return tanh((2.0 * u - 1.0) * 2.0) / 2.0 + 0.5
 
 
 @compiled
@@ -83,8 +84,8 @@ def window_means(windows, step):
 
 
 @compiled
-def read_sensors(voxel, step, touching, area_ratio, touches, velocities, readings):
-    """Write one voxel's four readings in [0, 1] (paper, section 2.1; 2D-VSR-Sim's averages).
+def measure(voxel, step, touching, area_ratio, touches, velocities, measures):
+    """Write one voxel's four measures (paper, section 2.1; 2D-VSR-Sim's averages).
 
     Args:
         voxel: (4, 5) rows of the voxel's masses.
@@ -93,18 +94,27 @@ def read_sensors(voxel, step, touching, area_ratio, touches, velocities, reading
         area_ratio: area over area at rest.
         touches: (TOUCH_WINDOW,) ring buffer, written.
         velocities: (2, VELOCITY_WINDOW) ring buffers, written.
-        readings: (4,) in the order of `SENSORS`, written.
+        measures: (4,) in the order of `SENSORS`, written: area ratio, share of touching steps,
+            mean velocities [m/s].
     """
     touches[step % TOUCH_WINDOW] = touching
     along, across = own_velocity(voxel)
     velocities[0, step % VELOCITY_WINDOW] = along
     velocities[1, step % VELOCITY_WINDOW] = across
-    readings[0] = soft_normalise(area_ratio, _AREA_LOW, _AREA_HIGH)
+    measures[0] = area_ratio
     n = min(step + 1, TOUCH_WINDOW)
-    readings[1] = touches[:n].sum() / n  # whole numbers: exact in any order
-    along, across = window_means(velocities, step)
-    readings[2] = soft_normalise(along, -_SPEED, _SPEED)
-    readings[3] = soft_normalise(across, -_SPEED, _SPEED)
+    measures[1] = touches[:n].sum() / n  # whole numbers: exact in any order
+    measures[2], measures[3] = window_means(velocities, step)
+
+
+@compiled_kernel
+def normalise(readings):
+    """Turn all voxels' measures, (4 n_voxels,), into readings in [0, 1], in place."""
+    for i in range(readings.shape[0]):  # no branch: it vectorises
+        sensor, value = i & 3, readings[i]
+        low = _AREA_LOW if sensor == 0 else -_SPEED
+        high = _AREA_HIGH if sensor == 0 else _SPEED
+        readings[i] = value if sensor == 1 else soft_normalise(value, low, high)
 
 
 @compiled

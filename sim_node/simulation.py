@@ -17,9 +17,10 @@ from sim_node.morphology import Morphology, parse_morphology
 from sim_node.sensors import (
     N_SENSORS,
     add_noise,
+    measure,
+    normalise,
     outer_corners,
     polygon_area,
-    read_sensors,
     sample_windows,
 )
 from sim_node.solver import Solver
@@ -94,7 +95,7 @@ def sense(world, step):
                 world.bodies[j], world.note_contact, world.contact.ctypes.data
             )
         world.touching[i] = float(world.contact[1])
-        read_sensors(
+        measure(
             voxel,
             step,
             world.touching[i],
@@ -103,6 +104,7 @@ def sense(world, step):
             world.velocities[i],
             world.readings[i],
         )
+    normalise(world.readings.reshape(-1))
     for i in range(world.area_ratios.shape[0]):
         if not abs(world.area_ratios[i]) < _MAX_AREA_RATIO:
             return False

@@ -83,7 +83,7 @@ def propagate(cell, row, layer, pre, n, weights, synapse, trains, currents):
     for i in range(pre):
         train = trains[cell, layer - 1, i]
         while train != 0:
-            h = trailing_zeros(train)
+            h = trailing_zeros(train)  # type: ignore[call-arg]
             train &= train - 1
             for j in range(n):
                 currents[h, j] += weights[row, synapse + i * n + j]
@@ -118,7 +118,7 @@ def fire(lif, cell, row, layer, n, currents, ceilings, v, psi, trains):
             offset = offset + lif.psi_inc if fired else offset - lif.leak * offset
             # The next step's leak in advance, while this step's comparison is under way.
             leaked = V_REST - lif.leak * V_REST if fired else potential - lif.leak * potential
-            train |= np.int64(fired) << h
+            train |= 1 << h if fired else 0
         v[cell, layer, j] = V_REST if fired else potential
         psi[cell, layer, j] = offset
         trains[cell, layer, j] = train

@@ -1,0 +1,67 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sim_node.compiled import compiled
+from sim_node.elementary import expm1, tanh
+
+steady = settings(deadline=None, derandomize=True)
+
+
+@compiled
+def tanh_of_all(x, y):
+    for i in range(x.shape[0]):
+        y[i] = tanh(x[i])
+
+
+def units_off(value, exact):
+    """Return the error in units in the last place; `exact` in extended precision."""
+    return np.abs((value - exact) / np.spacing(np.abs(exact.astype(float))))
+
+
+@pytest.mark.parametrize('scale', [1e-300, 1e-8, 1e-3, 0.1, 1.0, 10.0])
+def test_tanh_is_accurate(scale):
+    x = scale * np.random.default_rng(0).normal(size=20000)
+    y = np.empty_like(x)
+    tanh_of_all(x, y)
+    assert units_off(y, np.tanh(x.astype(np.longdouble))).max() < 3
+
+
+def test_expm1_is_accurate():
+    for x in np.random.default_rng(1).uniform(-700, 700, 2000):
+        assert expm1(x) == pytest.approx(math.expm1(x), rel=1e-14)
+    for x in 10.0 ** np.arange(-300.0, 1.0):
+        assert expm1(x) == pytest.approx(math.expm1(x), rel=5e-16)
+
+
+@steady
+@given(st.floats(-1e308, 1e308))
+def test_tanh_is_odd_and_bounded(x):
+    assert tanh(-x) == -tanh(x)
+    assert abs(tanh(x)) <= 1.0
+
+
+def test_tanh_at_the_limits():
+    assert [tanh(x) for x in (0.0, 20.0, math.inf, -math.inf)] == [0.0, 1.0, 1.0, -1.0]
+    assert math.isnan(tanh(math.nan))
+
+
+@pytest.mark.parametrize('n', [1, 3, 8, 17, 40])
+def test_many_are_computed_as_one_is(n):
+    x = np.random.default_rng(n).normal(size=n)
+    y = np.empty(n)
+    tanh_of_all(x, y)
+    assert y.tolist() == [tanh(v) for v in x]
+
+
+def test_bits_are_the_same_everywhere():
+    """The very bits, seen once on x86-64 with 512-bit vectors."""
+    assert [tanh(x).hex() for x in (0.1, 0.5, 1.0, 2.5)] == BITS
+
+
+BITS = [
+    '0x1.983d7795f413bp-4', '0x1.d9353d7568af3p-2', '0x1.85efab514f394p-1', '0x1.f9258260a71c2p-1',
+]
