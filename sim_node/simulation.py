@@ -74,7 +74,7 @@ def set_rest_lengths(world, actuation):
         for j in range(i * per_voxel, (i + 1) * per_voxel):
             rest = world.rest[1, j]
             length = rest + (world.rest[extreme, j] - rest) * abs(a)
-            munk.spring_set_rest_length(world.springs[j], length)
+            munk.store_real(world.springs[j] + munk.REST_LENGTH, length)
 
 
 @compiled
