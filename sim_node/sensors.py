@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from sim_node.compiled import compiled, compiled_inline, compiled_kernel
-from sim_node.elementary import tanh
+from sim_node.elementary import sine_cosine, tanh
 
 SENSORS = ('area', 'touch', 'velocity_x', 'velocity_y')
 """Names of the readings, in their order."""
@@ -39,18 +39,19 @@ def polygon_area(corners):
     return twice / 2.0
 
 
-@compiled
+@compiled_kernel
 def outer_corners(masses, half_side, corners):
-    """Write the (4, 2) outer corners [m] of one voxel.
+    """Write the (4 n_voxels, 2) outer corners [m] of voxels.
 
     Args:
-        masses: (4, 5) x, y, angle, v_x, v_y of the voxel's masses NW, NE, SE, SW.
+        masses: (4 n_voxels, 5) x, y, angle, v_x, v_y of the masses NW, NE, SE, SW of each voxel.
         half_side: half the side of a mass [m].
     """
-    for i in range(4):
-        sx = -half_side if i == 0 or i == 3 else half_side
-        sy = half_side if i < 2 else -half_side
-        c, s = math.cos(masses[i, 2]), math.sin(masses[i, 2])
+    for i in range(masses.shape[0]):
+        corner = i & 3
+        sx = -half_side if corner == 0 or corner == 3 else half_side
+        sy = half_side if corner < 2 else -half_side
+        s, c = sine_cosine(masses[i, 2])
         corners[i, 0] = masses[i, 0] + c * sx - s * sy
         corners[i, 1] = masses[i, 1] + s * sx + c * sy
 

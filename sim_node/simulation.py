@@ -85,9 +85,9 @@ def sense(world, step):
     """
     world.filled[0] = 0
     munk.space_each_body(world.space, world.read_body, world.batch)
+    outer_corners(world.masses, world.half_side, world.corners.reshape(-1, 2))
     for i in range(world.readings.shape[0]):
         voxel = world.masses[4 * i : 4 * i + 4]
-        outer_corners(voxel, world.half_side, world.corners[i])
         world.area_ratios[i] = polygon_area(world.corners[i]) / world.rest_area
         world.contact[1] = 0
         for j in range(4 * i, 4 * i + 4):

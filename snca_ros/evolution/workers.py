@@ -72,6 +72,11 @@ class WorkerPool:
     def __exit__(self, *exc_info: object) -> None:
         self._executor.shutdown(wait=True, cancel_futures=True)
 
+    @property
+    def processes(self) -> list[int]:
+        """Return the process ids of the workers that have been started."""
+        return sorted(self._executor._processes or ())
+
     def evaluate(self, candidates: np.ndarray) -> Iterator[float]:
         """Yield the fitness of each candidate, in their order."""
         with _interrupts_held():  # a worker that is starting must not see Ctrl-C

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim_node.compiled import compiled
-from sim_node.elementary import expm1, tanh
+from sim_node.elementary import expm1, sine_cosine, tanh
 
 steady = settings(deadline=None, derandomize=True)
 
@@ -42,6 +42,19 @@ def test_expm1_is_accurate():
 def test_tanh_is_odd_and_bounded(x):
     assert tanh(-x) == -tanh(x)
     assert abs(tanh(x)) <= 1.0
+
+
+@pytest.mark.parametrize('scale', [1e-9, 1.0, 7.0, 1e5])
+def test_sine_and_cosine_are_accurate(scale):
+    for x in scale * np.random.default_rng(2).normal(size=2000):
+        assert sine_cosine(x) == pytest.approx((math.sin(x), math.cos(x)), rel=0, abs=2.3e-16)
+
+
+def test_sine_and_cosine_of_whole_quarters():
+    for k in range(-9, 10):
+        exact = math.sin(k * math.pi / 2), math.cos(k * math.pi / 2)
+        assert sine_cosine(k * math.pi / 2) == pytest.approx(exact, rel=0, abs=2.3e-16)
+    assert all(math.isnan(y) for y in sine_cosine(math.nan))
 
 
 def test_tanh_at_the_limits():

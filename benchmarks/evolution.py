@@ -1,0 +1,125 @@
+"""What evolution costs beside its episodes: evaluations/s end to end, 1 and 2 workers, memory.
+
+    python -m benchmarks.evolution [--quick] [--json FILE]
+
+Wall-clock time of whole runs of `evolve` against episodes run one after the other in this
+process; needs two idle cores. The parent's share is its CPU time over that of all processes.
+"""
+
+import resource
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.command import run_part
+from snca_ros.cell.nca import Architecture
+from snca_ros.evolution.checkpoint import RunFolder
+from snca_ros.evolution.config import RunConfig
+from snca_ros.evolution.evolve import evolve
+from snca_ros.evolution.workers import Evaluator, WorkerPool
+
+
+def config_of(evaluations: int, duration: float) -> RunConfig:
+    """Return a run of the biped SNCA that spends so many episodes of so many seconds."""
+    return RunConfig(
+        'biped', Architecture.named('U-nD', 'snn-h'),
+        evaluations=evaluations, duration=duration, transient=duration / 6.0,
+    )
+
+
+def cpu_seconds(who: int) -> float:
+    """Return the user and system time of this process, or of its children that have ended."""
+    usage = resource.getrusage(who)
+    return usage.ru_utime + usage.ru_stime
+
+
+def episodes_alone(config: RunConfig) -> float:
+    """Return episodes/s, one after the other in this process, of one generation's candidates."""
+    evaluator = Evaluator(config)
+    candidates = np.random.default_rng(0).uniform(-1.0, 1.0, (36, config.n_parameters))
+    evaluator(candidates[0])
+    start = time.perf_counter()
+    for theta in candidates:
+        evaluator(theta)
+    return len(candidates) / (time.perf_counter() - start)
+
+
+def run_evolution(config: RunConfig, n_workers: int) -> dict:
+    """Run `evolve` in a folder of its own; leave out the start of the workers."""
+    times = []
+    with tempfile.TemporaryDirectory() as folder:
+        run = RunFolder.create(Path(folder) / 'run', config)
+        own, children = cpu_seconds(resource.RUSAGE_SELF), cpu_seconds(resource.RUSAGE_CHILDREN)
+        start = time.perf_counter()
+        evolve(run, n_workers, lambda progress: times.append(time.perf_counter()))
+        whole = time.perf_counter() - start
+        run.close()
+    own = cpu_seconds(resource.RUSAGE_SELF) - own
+    children = cpu_seconds(resource.RUSAGE_CHILDREN) - children
+    return {
+        'workers': n_workers,
+        # From the end of the first generation: what a long run sees.
+        'evaluations_per_second': config.population * (len(times) - 1) / (times[-1] - times[0]),
+        'parent_share_of_cpu': own / (own + children),
+        'start_seconds': whole - (times[-1] - times[0]) / (len(times) - 1) * len(times),
+    }
+
+
+def memory(evaluations: int) -> list[dict]:
+    """Return the resident memory [MB] of parent and worker as evaluations go by."""
+    config = config_of(evaluations, 0.5)
+    rng, seen = np.random.default_rng(0), []
+    with WorkerPool(config, 1) as pool:
+        done, every = 0, max(evaluations // 10, 36)
+        while done < evaluations:
+            candidates = rng.uniform(-1.0, 1.0, (min(every, evaluations - done), config.n_parameters))
+            list(pool.evaluate(candidates))
+            done += len(candidates)
+            seen.append({'evaluations': done, 'megabytes': [resident(p) for p in pool.processes]})
+    return seen
+
+
+def resident(pid: int) -> float:
+    """Return the resident memory [MB] of a process."""
+    pages = int(Path(f'/proc/{pid}/statm').read_text().split()[1])
+    return pages * resource.getpagesize() / 1e6
+
+
+def measure(quick: bool) -> dict:
+    """Measure one and two workers, in turns, and the memory of a long run."""
+    config = config_of(36 * (4 if quick else 9), 5.0 if quick else 30.0)
+    return {
+        'duration': config.duration,
+        'episodes_per_second': episodes_alone(config),
+        'runs': [run_evolution(config, n) for n in (1, 2)],
+        'memory': memory(1000 if quick else 10_000),
+    }
+
+
+def table(results: dict) -> str:
+    """Return the measurements as text."""
+    alone, runs = results['episodes_per_second'], results['runs']
+    lines = [
+        f'Episodes of {results["duration"]:g} s, biped U-nD snn-h',
+        'workers  of episodes alone  of one worker  parent share of CPU  evaluations/s  start [s]',
+    ]
+    for run in runs:
+        rate = run['evaluations_per_second']
+        lines.append(
+            f'{run["workers"]:7d}{rate / alone / run["workers"]:19.3f}'
+            f'{rate / runs[0]["evaluations_per_second"]:15.2f}{run["parent_share_of_cpu"]:21.4f}'
+            f'{rate:15.1f}{run["start_seconds"]:11.1f}'
+        )
+    first, last = results['memory'][1], results['memory'][-1]
+    grown = last['megabytes'][0] - first['megabytes'][0]
+    lines.append(
+        f'memory of a worker: {grown:+.1f} MB from evaluation {first["evaluations"]} to '
+        f'{last["evaluations"]}, {last["megabytes"][0]:.0f} MB then'
+    )
+    return '\n'.join(lines)
+
+
+if __name__ == '__main__':
+    run_part(__doc__, measure, table)
