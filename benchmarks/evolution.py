@@ -74,9 +74,9 @@ def memory(evaluations: int) -> list[dict]:
     with WorkerPool(config, 1) as pool:
         done, every = 0, max(evaluations // 10, 36)
         while done < evaluations:
-            candidates = rng.uniform(-1.0, 1.0, (min(every, evaluations - done), config.n_parameters))
-            list(pool.evaluate(candidates))
-            done += len(candidates)
+            n = min(every, evaluations - done)
+            list(pool.evaluate(rng.uniform(-1.0, 1.0, (n, config.n_parameters))))
+            done += n
             seen.append({'evaluations': done, 'megabytes': [resident(p) for p in pool.processes]})
     return seen
 

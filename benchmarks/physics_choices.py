@@ -2,6 +2,7 @@
 
 import argparse
 import time
+from dataclasses import replace
 from unittest import mock
 
 import numpy as np
@@ -9,12 +10,16 @@ import pymunk
 from pymunk._chipmunk import ffi, lib
 
 from sim_node import munk, simulation
+from sim_node.body import LIMIT, Constraints, build_body
 from sim_node.material import Material
 from sim_node.pymunk_view import pymunk_view
 from sim_node.simulation import Diverged, Simulation
 from sim_node.solver import Solver
 from sim_node.space import Space
 from sim_node.terrain import Terrain
+from snca_ros.box import DEFAULT_CONTROLLER, find_controller
+from snca_ros.controller_file import load_controller
+from snca_ros.evolution.locomotion import mean_velocity
 
 SOLVERS = [Solver(*s) for s in ((1, 5), (1, 7), (1, 10), (1, 20), (2, 10), (4, 20), (1, 10, True))]
 ROUGH = ('flat', 'hilly-1-10-0', 'steppy-1-20-0')
@@ -253,9 +258,43 @@ def grounds(quick):
         row(name, *cells)
 
 
+def without_limits(*args):
+    """Return a body whose voxels may contract without end."""
+    body = build_body(*args)
+    kept = body.constraints.kinds != LIMIT
+    return replace(body, constraints=Constraints(*(column[kept] for column in body.constraints)))
+
+
+def champion(quick):
+    """Let the biped in the box walk with a cheaper solver, from starts pushed by up to 1e-6."""
+    table('The evolved biped: v_x [m/s], mean, sd and range over pushed starts; cost of stepping',
+          'solver | mean | sd | least | most | cost')
+    cases = [(f'{i} iterations', Solver(1, i), build_body) for i in (3, 5, 7, 10, 20)]
+    cases.append(('10, no contraction limits', Solver(), without_limits))
+    trained = load_controller(find_controller(DEFAULT_CONTROLLER))
+    taken = np.zeros((len(cases), 3 if quick else 24))
+    speeds = np.zeros_like(taken)
+    for start, i in np.ndindex(taken.T.shape):
+        with mock.patch.object(simulation, 'build_body', cases[i][2]):
+            sim = new('biped', solver=cases[i][1])
+        rng, controller = np.random.default_rng(start), trained.controller()
+        for b in sim.bodies:
+            b.velocity = tuple(rng.uniform(-1e-6, 1e-6, 2))
+        readings, x = sim.world.readings.copy(), [sim.center[0]]
+        begin = time.process_time()
+        for _ in range(1800):
+            readings = sim.step(controller.step(readings))
+            x.append(sim.center[0])
+        taken[i, start] = time.process_time() - begin
+        speeds[i, start] = mean_velocity(np.array(x))
+    cost = np.median(taken, axis=1) / np.median(taken[3])
+    for (name, *_), v, ratio in zip(cases, speeds, cost, strict=True):
+        row(name, *(f'{f(v):.2f}' for f in (np.mean, np.std, np.min, np.max)), f'{ratio:.2f}')
+
+
 if __name__ == '__main__':
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--quick', action='store_true', help='fewer runs: two minutes, not ten')
     quick = parser.parse_args().quick
-    for part in (actuation, rest, random_sequences, welds, grounds):
+    for part in (actuation, rest, random_sequences, welds, champion, grounds):
         part(quick)
