@@ -32,8 +32,8 @@ lint: $(READY)  ## style and types
 unit: $(READY)  ## the tests: unit tests, then graphs of real processes
 	$(BIN)/python -m pytest
 
-bench: $(READY)  ## what an episode costs beside bare physics stepping, as ratios
-	$(BIN)/python benchmarks/offline.py
+bench: $(READY)  ## speed of episodes, evolution and graphs, ratios first; writes bench.json
+	$(BIN)/python -m benchmarks --json bench.json
 
 clean:  ## remove what the targets made, but neither runs nor bags
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

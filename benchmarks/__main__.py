@@ -1,0 +1,14 @@
+"""All benchmarks: offline episodes, evolution, and the graph of real processes.
+
+python -m benchmarks [--quick] [--json FILE]
+"""
+
+from benchmarks import evolution, graph, offline
+from benchmarks.command import run_all
+
+if __name__ == '__main__':
+    run_all(__doc__, {
+        'offline': (offline.measure, offline.table),
+        'evolution': (evolution.measure, evolution.table),
+        'graph': (graph.measure, graph.table),
+    })
