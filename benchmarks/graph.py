@@ -1,6 +1,6 @@
 """The graph of real processes in lock-step beside real time: ratios first.
 
-    python benchmarks/graph.py [--quick] [--json FILE]
+    python -m benchmarks.graph [--quick] [--json FILE]
 
 Robots of random cells are brought up as `snca walk` does it, without recorder, in a ROS domain of
 their own. Rates come from the simulation's diagnostics, its own count at its own time; CPU time
@@ -9,8 +9,6 @@ its own, since a listener costs the graph time. Start is from the command `snca 
 step made. Nothing is left running.
 """
 
-import argparse
-import json
 import multiprocessing
 import os
 import statistics
@@ -25,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.command import run_part
 from sim_node.morphology import parse_morphology
 from sim_node.stamps import CONTROL_RATE, step_of_stamp
 from snca_ros.box import graph_environment
@@ -256,17 +255,5 @@ def table(results: dict) -> str:
     return '\n'.join(lines)
 
 
-def main() -> None:
-    """Measure and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--quick', action='store_true', help='fewer graphs, shorter')
-    parser.add_argument('--json', type=Path, help='also write the figures here')
-    args = parser.parse_args()
-    results = measure(args.quick)
-    print(table(results))
-    if args.json:
-        args.json.write_text(json.dumps(results, indent=1))
-
-
 if __name__ == '__main__':
-    main()
+    run_part(__doc__, measure, table)
