@@ -83,7 +83,7 @@ def propagate(cell, row, layer, pre, n, weights, synapse, trains, currents):
     for i in range(pre):
         train = trains[cell, layer - 1, i]
         while train != 0:
-            h = trailing_zeros(train)  # type: ignore[call-arg]
+            h = trailing_zeros(train)
             train &= train - 1
             for j in range(n):
                 currents[h, j] += weights[row, synapse + i * n + j]
