@@ -3,8 +3,9 @@
     python -m benchmarks.offline [--quick] [--json FILE]
 
 Every figure is the median over rounds that take turns, in CPU time of one process. The bare cost
-is that of stepping, from C to C, the space in which the episode has just been walked, as often as
-the episode did; the episode includes building its space, sensors, cells and rest lengths.
+is that of Munk2D stepping the same space through the same motion, from C to C: the rest lengths
+that the episode's cells set are played back. The episode includes building its space, sensors,
+cells and rest lengths.
 """
 
 import statistics
@@ -30,10 +31,21 @@ CASES = [
 
 
 @compiled
-def bare_steps(world, n_steps):
-    """Step the physics and nothing else."""
-    for _ in range(n_steps):
+def bare_steps(world, actuation):
+    """Step the physics under (n_steps, n_voxels) actuation and nothing else."""
+    for k in range(actuation.shape[0]):
+        set_rest_lengths(world, actuation[k])
         munk.space_step(world.space, world.dt)
+
+
+def actuation_of(simulation: Simulation, controller: Controller, n_steps: int) -> np.ndarray:
+    """Return the (n_steps, n_voxels) actuation of an episode."""
+    readings, rows = simulation.reset(), []
+    controller.reset()
+    for _ in range(n_steps):
+        rows.append(controller.step(readings))
+        readings = simulation.step(rows[-1])
+    return np.array(rows)
 
 
 @compiled
@@ -72,23 +84,24 @@ def measure_case(shape: str, name: str, model: str, rounds: int, duration: float
     theta = np.random.default_rng(1).uniform(-1.0, 1.0, architecture.n_parameters(n))
     controller = Controller(architecture, simulation.morphology, theta)
     n_steps = round(duration * 60)
-    actuation = np.array([np.full(n, 0.5), np.full(n, -0.5)])
+    changes = np.array([np.full(n, 0.5), np.full(n, -0.5)])
+    motion = actuation_of(simulation, controller, n_steps)
     calls = {
         'episode': lambda: run_episode(simulation, controller, duration),
-        'bare': lambda: bare_steps(simulation.world, n_steps),
         'reset': simulation.reset,
+        'bare': lambda: bare_steps(simulation.world, motion),
         'sensors': lambda: sensor_steps(simulation.world, n_steps),
         'cells': lambda: cell_steps(
             controller.cells.state, controller.neighbors, simulation.world.readings,
             np.empty(n), n_steps,
         ),
-        'actuation': lambda: actuation_steps(simulation.world, actuation, n_steps),
+        'actuation': lambda: actuation_steps(simulation.world, changes, n_steps),
     }
     for call in calls.values():
         call()  # compile, or load
     taken: dict[str, list[float]] = {part: [] for part in calls}
     for _ in range(rounds):
-        for part, call in calls.items():
+        for part, call in calls.items():  # in their order: bare steps need a fresh space
             taken[part].append(seconds(call))
     costs = {part: statistics.median(times) / n_steps * 1e6 for part, times in taken.items()}
     ratios = [e / b for e, b in zip(taken['episode'], taken['bare'], strict=True)]
