@@ -1,0 +1,1 @@
+"""The second engine: Munk2D's algorithm for many robots of one shape in SIMD lanes."""

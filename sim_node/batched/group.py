@@ -1,0 +1,237 @@
+"""The state of a group: W robots of one shape on one terrain, side by side in the lanes.
+
+All masses of a robot are alike. So impulses are counted per mass [m/s], and angular velocities
+times the radius of gyration, rho = sqrt(moment / mass) [m/s]: a unit impulse then changes a
+velocity by one along its direction, be it of translation or of rotation, and neither mass nor
+moment appears in the solver.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from sim_node.batched.ground import most_at_once, query_order
+from sim_node.batched.lanes import zeros
+from sim_node.body import LIMIT, SPRING, WELD, Body
+from sim_node.errors import InvalidInput
+from sim_node.material import Material
+from sim_node.sensors import N_SENSORS, TOUCH_WINDOW, VELOCITY_WINDOW
+from sim_node.solver import Solver
+from sim_node.stamps import CONTROL_RATE
+
+JOINT_ERROR = float(np.float32(1.0) - np.float32(0.1)) ** 60
+"""Share of an overlap or a joint's gap that Munk2D leaves after a second."""
+
+SLOP = float(np.float32(0.1))
+"""Depth [m] of an overlap that Munk2D leaves alone."""
+
+BOX_GROWTH = float(np.float32(0.1))
+"""By how much of its size Munk2D widens a box of the broad phase on either side; and by how many
+seconds of motion."""
+
+N_SPRINGS, N_LIMITS = 18, 4
+"""Springs and contraction limits of a voxel."""
+
+ENDS = (
+    *((0, 1),) * 4, *((1, 2),) * 4, *((2, 3),) * 4, *((3, 0),) * 4, (0, 2), (1, 3),
+    (0, 1), (1, 2), (2, 3), (3, 0),
+)
+"""The voxel's masses that its springs, then its limits join: what `springs` and `joints` expect."""
+
+# Fields of the arrays of lanes.
+X, Y, ANGLE, VX, VY, SPIN, BIAS_X, BIAS_Y, BIAS_SPIN, COS, SIN = range(11)
+POLYGON, STAMP, RANK, TURN, WARM, NX, NY = range(7)
+
+
+class Group(NamedTuple):
+    """Everything that a step reads and writes; arrays of lanes are (rows, fields) of W each."""
+
+    substeps: int
+    iterations: int
+    dt: float  # physics step [s]
+    damping: float  # factor on all velocities per step
+    fall: float  # gravity's change of velocity per step [m/s]
+    bias: float  # of overlaps and gaps: velocity that mends them, per length [1/s]
+    half: float  # half the side of a mass [m]
+    per_rho: float  # 1 over its radius of gyration [1/m]
+    friction: float
+    restitution: float
+    rest_area: float  # of a voxel [m^2]
+
+    spring_table: np.ndarray  # (n_springs, 9) see `spring_rows`
+    halvings: int  # for `decay` of the strongest spring damping
+    limits_table: np.ndarray  # (n_limits,) least distance [m]
+    weld_ends: np.ndarray  # (n_welds, 2) masses, the same for 2 k and 2 k + 1
+    weld_anchors: np.ndarray  # (n_welds, 4) [m]
+    polygons: np.ndarray  # (n_polygons, 8) see `polygon_rows`
+    left_sides: np.ndarray  # (n_polygons,) x [m], increasing
+    slots: int  # contacts of a mass: with polygon p in slot p % slots
+
+    step_count: np.ndarray  # (1,) physics steps
+    actuation: np.ndarray  # lanes (n_voxels, 1) in [-1, 1]
+    masses: np.ndarray  # lanes (n_masses, 11)
+    springs: np.ndarray  # lanes (n_springs, 7), see `springs`
+    limits: np.ndarray  # lanes (n_limits, 4), see `joints`
+    active: np.ndarray  # (n_limits + n_voxels,) in some lane, per limit and per voxel
+    welds: np.ndarray  # lanes (n_welds, 11)
+    boxes: np.ndarray  # lanes (n_masses, 4) left, bottom, right, top of Munk2D's broad phase [m]
+    contacts: np.ndarray  # lanes (n_masses * slots, ...), see `contacts`
+    in_use: np.ndarray  # (n_masses * slots,) rows of `contacts` that some lane touches now
+    schedule: np.ndarray  # (n_masses * slots**2, 2) rows of `contacts` and whose turn it is
+    scheduled: np.ndarray  # (1,) how much of it is filled
+
+    corners: np.ndarray  # lanes (n_voxels * 4, 2) outer corners [m]
+    area_ratios: np.ndarray  # lanes (n_voxels, 1)
+    touching: np.ndarray  # lanes (n_voxels, 1) 0.0 or 1.0
+    touches: np.ndarray  # lanes (n_voxels * TOUCH_WINDOW, 1) ring buffers of the sensors
+    velocities: np.ndarray  # lanes (n_voxels * VELOCITY_WINDOW, 2)
+    readings: np.ndarray  # lanes (n_voxels, 4) in [0, 1]
+    sane: np.ndarray  # lanes (1, 1) 1.0, or 0.0 where the physics diverged
+
+    mass_lanes: np.ndarray  # (n_masses, 11, W) the floats of `masses`
+    reading_lanes: np.ndarray  # (n_voxels, 4, W) the floats of `readings`
+    actuation_lanes: np.ndarray  # (n_voxels, 1, W) the floats of `actuation`
+    sane_lanes: np.ndarray  # (1, 1, W) the floats of `sane`
+    scratch: np.ndarray  # (W * n_voxels * 4,) robot by robot
+
+
+N_CONTACT_FIELDS = 7 + 2 * 10
+
+
+def make_group(
+    body: Body, ground: np.ndarray, material: Material, solver: Solver, width: int
+) -> Group:
+    """Return `width` robots put down at rest.
+
+    Args:
+        body: the robot's tables.
+        ground: (n_polygons, 4, 2) corners [m], see `Terrain.polygons`.
+        material: of masses, contacts and world.
+        solver: sub-steps and iterations.
+        width: number of lanes W.
+
+    Raises:
+        InvalidInput: the solver asks for self-collision.
+    """
+    if solver.self_collision:
+        expected = 'false with the batched engine; the pymunk engine has self-collision'
+        raise InvalidInput('solver.self_collision', True, expected)
+    _check_order(body)
+    table = body.constraints
+    dt = 1.0 / CONTROL_RATE / solver.substeps
+    springs, limits, welds = (np.flatnonzero(table.kinds == k) for k in (SPRING, LIMIT, WELD))
+    n_masses, n_voxels = len(body.positions), len(springs) // N_SPRINGS
+    diagonal = material.mass_side * math.sqrt(2.0)
+    slots = min(most_at_once(ground, diagonal) + 1, len(ground))
+    actuation, masses = zeros((n_voxels, 1), width), zeros((n_masses, 11), width)
+    readings, sane = zeros((n_voxels, N_SENSORS), width), zeros((1, 1), width)
+    group = Group(
+        substeps=solver.substeps,
+        iterations=solver.iterations,
+        dt=dt,
+        damping=math.exp(-material.damping) ** dt,
+        fall=material.gravity * dt,
+        bias=(1.0 - JOINT_ERROR**dt) / dt,
+        half=material.mass_side / 2.0,
+        per_rho=math.sqrt(material.mass / material.moment),
+        friction=material.friction,
+        restitution=material.restitution,
+        rest_area=material.side**2,
+        spring_table=np.column_stack([
+            table.anchors[springs],
+            body.rest_lengths.T,
+            table.stiffness[springs] * dt / material.mass,
+            table.damping[springs] * dt / material.mass,
+        ]),
+        halvings=_halvings(body, material, dt),
+        limits_table=table.rest[limits],
+        weld_ends=table.ends[welds].astype(np.int64),
+        weld_anchors=table.anchors[welds],
+        polygons=_polygon_rows(ground),
+        left_sides=np.ascontiguousarray(ground[:, 0, 0]),
+        slots=slots,
+        step_count=np.zeros(1),
+        actuation=actuation,
+        masses=masses,
+        springs=zeros((len(springs), 7), width),
+        limits=zeros((len(limits), 4), width),
+        active=np.zeros(len(limits) + n_voxels, dtype=np.bool_),
+        welds=zeros((len(welds), 11), width),
+        boxes=zeros((n_masses, 4), width),
+        contacts=zeros((n_masses * slots, N_CONTACT_FIELDS), width),
+        in_use=np.zeros(n_masses * slots, dtype=np.bool_),
+        schedule=np.zeros((n_masses * slots**2, 2), dtype=np.int64),
+        scheduled=np.zeros(1, dtype=np.int64),
+        corners=zeros((n_voxels * 4, 2), width),
+        area_ratios=zeros((n_voxels, 1), width),
+        touching=zeros((n_voxels, 1), width),
+        touches=zeros((n_voxels * TOUCH_WINDOW, 1), width),
+        velocities=zeros((n_voxels * VELOCITY_WINDOW, 2), width),
+        readings=readings,
+        sane=sane,
+        mass_lanes=masses['lane'],
+        reading_lanes=readings['lane'],
+        actuation_lanes=actuation['lane'],
+        sane_lanes=sane['lane'],
+        scratch=np.zeros(width * n_voxels * N_SENSORS),
+    )
+    put_down(group, body)
+    return group
+
+
+def put_down(group: Group, body: Body) -> None:
+    """Put all robots of the group down at rest, as if they had never moved."""
+    for array in group:
+        if isinstance(array, np.ndarray) and array.dtype.fields:
+            array['lane'] = 0.0
+    group.step_count[0] = 0.0
+    group.in_use[:] = False
+    group.scheduled[0] = 0
+    group.mass_lanes[:, :2] = body.positions[:, :, None]
+    group.mass_lanes[:, COS] = 1.0
+    group.contacts['lane'][:, POLYGON] = -1.0
+    # Munk2D widens the box of a mass that does not move by a tenth of its size.
+    x, y = group.mass_lanes[:, X], group.mass_lanes[:, Y]
+    reach = group.half * (1.0 + 2.0 * BOX_GROWTH)
+    sides = x - reach, y - reach, x + reach, y + reach
+    group.boxes['lane'][:] = np.stack(sides, axis=1)
+
+
+def _check_order(body: Body) -> None:
+    """Make sure that `springs` and `joints` may rely on the order of the constraints."""
+    table = body.constraints
+    own = table.kinds != WELD
+    ends = table.ends[own].reshape(-1, N_SPRINGS + N_LIMITS, 2)
+    voxels = np.arange(len(ends))
+    first = np.flatnonzero(own).reshape(len(ends), -1)
+    consecutive = (np.diff(first, axis=1) == 1).all()
+    kinds = table.kinds[own].reshape(len(ends), -1) == ([SPRING] * N_SPRINGS + [LIMIT] * N_LIMITS)
+    as_expected = (ends == 4 * voxels[:, None, None] + np.array(ENDS)).all()
+    at_centres = not table.anchors[table.kinds == LIMIT].any()
+    welds = np.flatnonzero(~own)
+    owners = np.searchsorted(first[:, 0], welds) - 1
+    in_turn = (table.ends[welds, 0] // 4 == owners).all()
+    ends = table.ends[welds]
+    backwards = (ends[:, 1] // 4 < owners).all()
+    in_pairs = (ends[0::2] == ends[1::2]).all()
+    known = consecutive and kinds.all() and as_expected and at_centres
+    if not (known and in_turn and backwards and in_pairs):
+        raise AssertionError('the batched engine does not know this order of constraints')
+
+
+def _halvings(body: Body, material: Material, dt: float) -> int:
+    """Return how often to halve the exponent of the strongest damping to get below 1/4."""
+    table = body.constraints
+    arms = (table.anchors[table.kinds == SPRING] ** 2).reshape(-1, 2, 2).sum(axis=2)
+    inverse_mass = 2.0 / material.mass + arms.sum(axis=1) / material.moment  # at its most
+    strongest = float((table.damping[table.kinds == SPRING] * inverse_mass).max()) * dt
+    return max(0, math.ceil(math.log2(max(4.0 * strongest, 1e-9))))
+
+
+def _polygon_rows(ground: np.ndarray) -> np.ndarray:
+    """Return (n, 8): left and right x, top y at both, base y, the top's normal, rank."""
+    (left, base), (right, _), (_, y1), (_, y0) = ground.transpose(1, 2, 0)
+    length = np.hypot(right - left, y1 - y0)
+    normal = (y0 - y1) / length, (right - left) / length
+    return np.column_stack([left, right, y0, y1, base, *normal, query_order(ground)])

@@ -1,0 +1,134 @@
+"""Contraction limits and welds (Chipmunk's cpSlideJoint, cpPivotJoint).
+
+Both start from the impulse of the last step and mend a gap by a bias velocity.
+"""
+
+import math
+
+from sim_node.batched.group import N_LIMITS, X, Y
+from sim_node.batched.lanes import any_lane, load, select, store
+from sim_node.batched.springs import anchor, get_velocity, set_velocity
+from sim_node.compiled import compiled, compiled_inline
+
+_NX, _NY, _BIAS, _IMPULSE = range(4)
+"""Fields of a limit: the unit vector from b to a, 0 where the limit is not reached; velocity that
+mends the overlap; impulse. Its effective mass is 1/2, for it joins centres."""
+
+_AX, _AY, _BX, _BY, _K_XX, _K_XY, _K_YY, _BIAS_X, _BIAS_Y, _JX, _JY = range(11)
+"""Fields of a weld: lever arms (anchors over rho), inverse of the 2 x 2 matrix that takes an
+impulse to a change of relative velocity, velocity that mends the gap, impulse."""
+
+
+@compiled
+def prepare_joints(group, ends):
+    """Prepare limits and welds at the present poses.
+
+    Args:
+        group: the robots.
+        ends: (4, 2) which of a voxel's masses its limits join.
+    """
+    masses, limits, welds = group.masses, group.limits, group.welds
+    n_limits = limits.shape[0]
+    for k in range(n_limits):
+        voxel = k // N_LIMITS
+        a, b = 4 * voxel + ends[k % N_LIMITS, 0], 4 * voxel + ends[k % N_LIMITS, 1]
+        if k % N_LIMITS == 0:
+            group.active[n_limits + voxel] = False
+        dx = load(masses, b, X) - load(masses, a, X)
+        dy = load(masses, b, Y) - load(masses, a, Y)
+        squared = dx * dx + dy * dy
+        reached = squared < group.limits_table[k] * group.limits_table[k]
+        group.active[k] = any_lane(reached)
+        if not group.active[k]:
+            store(limits, k, _IMPULSE, 0.0)
+            continue
+        group.active[n_limits + voxel] = True
+        length = math.sqrt(squared)
+        per_length = select(reached & (length > 0.0), 1.0 / length, 0.0)
+        overlap = select(reached, group.limits_table[k] - length, 0.0)
+        store(limits, k, _NX, -dx * per_length)
+        store(limits, k, _NY, -dy * per_length)
+        store(limits, k, _BIAS, -group.bias * overlap)
+        store(limits, k, _IMPULSE, select(reached, load(limits, k, _IMPULSE), 0.0))
+    for k in range(welds.shape[0]):
+        a, b = group.weld_ends[k, 0], group.weld_ends[k, 1]
+        ax, ay = anchor(masses, a, group.weld_anchors[k, 0], group.weld_anchors[k, 1])
+        bx, by = anchor(masses, b, group.weld_anchors[k, 2], group.weld_anchors[k, 3])
+        gap_x = (load(masses, b, X) + bx) - (load(masses, a, X) + ax)
+        gap_y = (load(masses, b, Y) + by) - (load(masses, a, Y) + ay)
+        store(welds, k, _BIAS_X, -group.bias * gap_x)
+        store(welds, k, _BIAS_Y, -group.bias * gap_y)
+        ax, ay = ax * group.per_rho, ay * group.per_rho
+        bx, by = bx * group.per_rho, by * group.per_rho
+        xx, yy = 2.0 + ay * ay + by * by, 2.0 + ax * ax + bx * bx
+        xy = -(ax * ay + bx * by)
+        per_det = 1.0 / (xx * yy - xy * xy)
+        store(welds, k, _AX, ax)
+        store(welds, k, _AY, ay)
+        store(welds, k, _BX, bx)
+        store(welds, k, _BY, by)
+        store(welds, k, _K_XX, yy * per_det)
+        store(welds, k, _K_XY, -xy * per_det)
+        store(welds, k, _K_YY, xx * per_det)
+
+
+@compiled_inline
+def _push_apart(limits, k, a, b, j):
+    jx, jy = load(limits, k, _NX) * j, load(limits, k, _NY) * j
+    return (a[0] - jx, a[1] - jy, a[2]), (b[0] + jx, b[1] + jy, b[2])
+
+
+@compiled_inline
+def limit(limits, k, a, b):
+    """Let limit k act between masses of velocities a and b; return both. It can only push."""
+    v = load(limits, k, _NX) * (b[0] - a[0]) + load(limits, k, _NY) * (b[1] - a[1])
+    old = load(limits, k, _IMPULSE)
+    new = min(old + (load(limits, k, _BIAS) - v) * 0.5, 0.0)
+    store(limits, k, _IMPULSE, new)
+    return _push_apart(limits, k, a, b, new - old)
+
+
+@compiled_inline
+def _pull(welds, k, a, b, jx, jy):
+    ax, ay, bx, by = (
+        load(welds, k, _AX), load(welds, k, _AY), load(welds, k, _BX), load(welds, k, _BY)
+    )
+    return (
+        (a[0] - jx, a[1] - jy, a[2] - (ax * jy - ay * jx)),
+        (b[0] + jx, b[1] + jy, b[2] + (bx * jy - by * jx)),
+    )
+
+
+@compiled_inline
+def weld(welds, k, a, b):
+    """Let weld k act between masses of velocities a and b; return both."""
+    vx = (b[0] - load(welds, k, _BY) * b[2]) - (a[0] - load(welds, k, _AY) * a[2])
+    vy = (b[1] + load(welds, k, _BX) * b[2]) - (a[1] + load(welds, k, _AX) * a[2])
+    ux, uy = load(welds, k, _BIAS_X) - vx, load(welds, k, _BIAS_Y) - vy
+    jx = load(welds, k, _K_XX) * ux + load(welds, k, _K_XY) * uy
+    jy = load(welds, k, _K_XY) * ux + load(welds, k, _K_YY) * uy
+    store(welds, k, _JX, load(welds, k, _JX) + jx)
+    store(welds, k, _JY, load(welds, k, _JY) + jy)
+    return _pull(welds, k, a, b, jx, jy)
+
+
+@compiled
+def apply_joints_of_last_step(group, ends):
+    """Start from the impulses of the last step; `ends` as of `prepare_joints`."""
+    masses, limits, welds = group.masses, group.limits, group.welds
+    for k in range(limits.shape[0]):
+        if group.active[k]:
+            voxel = k // N_LIMITS
+            i, j = 4 * voxel + ends[k % N_LIMITS, 0], 4 * voxel + ends[k % N_LIMITS, 1]
+            impulse = load(limits, k, _IMPULSE)
+            a, b = get_velocity(masses, i), get_velocity(masses, j)
+            a, b = _push_apart(limits, k, a, b, impulse)
+            set_velocity(masses, i, a)
+            set_velocity(masses, j, b)
+    for k in range(welds.shape[0]):
+        i, j = group.weld_ends[k, 0], group.weld_ends[k, 1]
+        jx, jy = load(welds, k, _JX), load(welds, k, _JY)
+        a, b = get_velocity(masses, i), get_velocity(masses, j)
+        a, b = _pull(welds, k, a, b, jx, jy)
+        set_velocity(masses, i, a)
+        set_velocity(masses, j, b)

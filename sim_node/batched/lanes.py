@@ -1,0 +1,219 @@
+"""A number in each lane of a vector register, as a type of compiled code.
+
+`load(array, i, j)` gives the W numbers of one row as one value; arithmetic, comparison and
+`select` on such values act lane by lane, each lane rounded as IEEE prescribes, so a lane's result
+cannot depend on its place or on its neighbours. A plain number stands for W equal ones. LLVM
+splits a value wider than the machine's registers into several of them.
+
+Arrays are of `dtype(W)`: (rows, fields) of W doubles each, robots contiguous and innermost.
+"""
+
+import math
+import operator
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic as _intrinsic
+from numba.extending import lower_builtin, models, register_model
+
+intrinsic: Any = _intrinsic  # to a type checker: its signature is not that of its callers
+
+_ALIGNMENT = 64
+
+
+class Lanes(types.Type):
+    """W numbers (or truth values) side by side; compiled code sees it as one value."""
+
+    def __init__(self, width: int, element: str) -> None:
+        self.width, self.element = width, element
+        super().__init__(name=f'Lanes({width} x {element})')
+
+    @property
+    def mask(self) -> 'Lanes':
+        """Return the type of a comparison's result."""
+        return Lanes(self.width, 'bool')
+
+
+@register_model(Lanes)
+class _LanesModel(models.PrimitiveModel):
+    def __init__(self, manager, lanes: Lanes) -> None:
+        super().__init__(manager, lanes, _vector(lanes))
+
+
+def _vector(lanes: Lanes) -> ir.VectorType:
+    element = ir.DoubleType() if lanes.element == 'float64' else ir.IntType(1)
+    return ir.VectorType(element, lanes.width)
+
+
+def dtype(width: int) -> np.dtype:
+    """Return the dtype of arrays whose items are `width` doubles, one per robot."""
+    return np.dtype([('lane', np.float64, (width,))], align=True)
+
+
+def zeros(shape: tuple[int, int], width: int) -> np.ndarray:
+    """Return an array of `dtype(width)`, at a multiple of 64 bytes; array['lane'] is its floats."""
+    n_bytes = shape[0] * shape[1] * width * 8
+    buffer = np.zeros(n_bytes + _ALIGNMENT, dtype=np.uint8)
+    start = -buffer.ctypes.data % _ALIGNMENT
+    return buffer[start : start + n_bytes].view(dtype(width)).reshape(shape)
+
+
+def _of_array(array: Any) -> Lanes:
+    (_, field), = array.dtype.fields.items()
+    return Lanes(field.type.shape[0], 'float64')
+
+
+def _pointer(context, builder, array_type, array, i, j, lanes):
+    """Return the address of item (i, j) of a C-contiguous (n, k) array as a vector's."""
+    struct = context.make_array(array_type)(context, builder, array)
+    fields = builder.extract_value(struct.shape, 1)
+    item = builder.add(builder.mul(i, fields), j)
+    start = builder.bitcast(struct.data, _vector(lanes).as_pointer())
+    return builder.gep(start, [item])
+
+
+@intrinsic
+def load(typing, array, i, j):
+    """Return the lanes of array[i, j]."""
+    lanes = _of_array(array)
+
+    def generate(context, builder, signature, args):
+        array, i, j = args
+        pointer = _pointer(context, builder, signature.args[0], array, i, j, lanes)
+        return builder.load(pointer, align=8)
+
+    return lanes(array, types.intp, types.intp), generate
+
+
+@intrinsic
+def store(typing, array, i, j, value):
+    """Write lanes, or the same number in every lane, to array[i, j]."""
+    lanes = _of_array(array)
+    value = value if isinstance(value, Lanes) else types.float64
+
+    def generate(context, builder, signature, args):
+        array, i, j, value = args
+        pointer = _pointer(context, builder, signature.args[0], array, i, j, lanes)
+        value = _broadcast(builder, value, _vector(lanes))
+        builder.store(value, pointer, align=8)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, types.intp, value), generate
+
+
+def _broadcast(builder, value, vector):
+    if value.type == vector:
+        return value
+    first = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.IntType(32)(0))
+    indices = ir.Constant(ir.VectorType(ir.IntType(32), vector.count), [0] * vector.count)
+    return builder.shuffle_vector(first, first, indices)
+
+
+@intrinsic
+def select(typing, mask, a, b):
+    """Return, lane by lane, `a` where `mask` holds and `b` elsewhere."""
+    lanes = Lanes(mask.width, 'float64')
+    kinds = [x if isinstance(x, Lanes) else types.float64 for x in (a, b)]
+
+    def generate(context, builder, signature, args):
+        a, b = (_broadcast(builder, x, _vector(lanes)) for x in args[1:])
+        return builder.select(args[0], a, b)
+
+    return lanes(mask, *kinds), generate
+
+
+@intrinsic
+def any_lane(typing, mask):
+    """Tell whether `mask` holds in some lane: for skipping what no lane needs."""
+
+    def generate(context, builder, signature, args):
+        bits = builder.bitcast(args[0], ir.IntType(mask.width))
+        return builder.icmp_unsigned('!=', bits, ir.Constant(bits.type, 0))
+
+    return types.boolean(mask), generate
+
+
+@intrinsic
+def like(typing, lanes, value):
+    """Return `value`, a plain number, in as many lanes as `lanes` has."""
+
+    def generate(context, builder, signature, args):
+        return _broadcast(builder, args[1], _vector(lanes))
+
+    return lanes(lanes, types.float64), generate
+
+
+def _declare(function: Any, emit: Any, *, masks: bool = False, compares: bool = False) -> None:
+    """Let `function` of one or two arguments act on lanes by LLVM's instruction `emit`."""
+    element = 'bool' if masks else 'float64'
+
+    def is_lanes(x: Any) -> bool:
+        return isinstance(x, Lanes) and x.element == element
+
+    @infer_global(function)
+    class Template(AbstractTemplate):
+        def generic(self, args, kws):
+            lanes: Any = next((x for x in args if is_lanes(x)), None)
+            numbers = isinstance(lanes, Lanes) and all(
+                x == lanes or (not masks and isinstance(x, types.Number)) for x in args
+            )
+            if kws or len(args) > 2 or not numbers:
+                return None
+            kinds = [x if x == lanes else types.float64 for x in args]
+            return signature(lanes.mask if compares else lanes, *kinds)
+
+    def generate(context, builder, sig, args):
+        lanes = next(x for x in sig.args if is_lanes(x))
+        return emit(builder, *(_broadcast(builder, x, _vector(lanes)) for x in args))
+
+    lower_builtin(function, Lanes)(generate)
+    for kinds in ((Lanes, Lanes), (Lanes, types.Float), (types.Float, Lanes)):
+        lower_builtin(function, *kinds)(generate)
+
+
+def _call(name: str) -> Any:
+    def emit(builder, *args):
+        vector = args[0].type
+        of_type = ir.FunctionType(vector, [vector] * len(args))
+        function = cgutils.get_or_insert_function(
+            builder.module, of_type, f'{name}.v{vector.count}f64'
+        )
+        return builder.call(function, args)
+
+    return emit
+
+
+def _compare(symbol: str) -> Any:
+    return lambda builder, a, b: builder.fcmp_ordered(symbol, a, b)
+
+
+def _lesser(builder, a, b):
+    return builder.select(builder.fcmp_ordered('<', a, b), a, b)
+
+
+def _greater(builder, a, b):
+    return builder.select(builder.fcmp_ordered('>', a, b), a, b)
+
+
+for _function in (operator.add, operator.iadd):
+    _declare(_function, lambda builder, a, b: builder.fadd(a, b))
+for _function in (operator.sub, operator.isub):
+    _declare(_function, lambda builder, a, b: builder.fsub(a, b))
+_declare(operator.mul, lambda builder, a, b: builder.fmul(a, b))
+_declare(operator.truediv, lambda builder, a, b: builder.fdiv(a, b))
+_declare(operator.neg, lambda builder, a: builder.fneg(a))
+_declare(abs, _call('llvm.fabs'))
+_declare(math.sqrt, _call('llvm.sqrt'))
+_declare(min, _lesser)
+_declare(max, _greater)
+for _function, _symbol in (
+    (operator.lt, '<'), (operator.le, '<='), (operator.gt, '>'), (operator.ge, '>='),
+    (operator.eq, '=='),
+):
+    _declare(_function, _compare(_symbol), compares=True)
+_declare(operator.and_, lambda builder, a, b: builder.and_(a, b), masks=True)
+_declare(operator.or_, lambda builder, a, b: builder.or_(a, b), masks=True)
+_declare(operator.invert, lambda builder, a: builder.not_(a), masks=True)

@@ -1,0 +1,143 @@
+"""Robots of one shape on one terrain, side by side: reset, step, and what they sense."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sim_node.batched.group import Group, make_group, put_down
+from sim_node.batched.sensing import is_sane, sense, write_centers
+from sim_node.batched.step import physics_step
+from sim_node.body import build_body
+from sim_node.compiled import compiled
+from sim_node.material import Material
+from sim_node.morphology import Morphology
+from sim_node.sensors import add_noise
+from sim_node.solver import Solver
+from sim_node.terrain import Terrain
+
+WIDTH = 16
+"""Robots in a group: two 512-bit registers of doubles, which hide each other's latency."""
+
+
+@compiled
+def advance_group(group, step):
+    """Let all robots act by `group.actuation` up to control step `step`, and read the sensors."""
+    for i in range(group.actuation_lanes.shape[0]):
+        for lane in range(group.actuation_lanes.shape[2]):
+            a = group.actuation_lanes[i, 0, lane]
+            group.actuation_lanes[i, 0, lane] = min(max(a, -1.0), 1.0)
+    for _ in range(group.substeps):
+        physics_step(group)
+    sense(group, step)
+
+
+class OneRobot(NamedTuple):
+    """A group of one lane, as arrays without lanes; they share the group's memory."""
+
+    group: Group
+    dt: float  # physics step [s]
+    masses: np.ndarray  # (n_masses, 5) x, y, angle, v_x, v_y
+    corners: np.ndarray  # (n_voxels, 4, 2) outer corners [m]
+    area_ratios: np.ndarray  # (n_voxels,)
+    touching: np.ndarray  # (n_voxels,) 0.0 or 1.0
+    actuation: np.ndarray  # (n_voxels,) in [-1, 1]
+    readings: np.ndarray  # (n_voxels, 4) in [0, 1]
+
+
+def one_robot(group: Group) -> OneRobot:
+    """Return what the first lane of a group holds."""
+    return OneRobot(
+        group=group,
+        dt=group.dt,
+        masses=group.mass_lanes[:, :5, 0],
+        corners=group.corners['lane'][:, :, 0].reshape(-1, 4, 2),
+        area_ratios=group.area_ratios['lane'][:, 0, 0],
+        touching=group.touching['lane'][:, 0, 0],
+        actuation=group.actuation_lanes[:, 0, 0],
+        readings=group.reading_lanes[:, :, 0],
+    )
+
+
+@compiled
+def advance_one(robot, actuation, step, noise):
+    """Do for one robot what `sim_node.simulation.advance` does in the pymunk engine."""
+    for i in range(actuation.shape[0]):
+        robot.actuation[i] = actuation[i]
+    advance_group(robot.group, step)
+    if noise.shape[0] > 0:
+        add_noise(robot.readings, noise)
+    return is_sane(robot.group, 0)
+
+
+class Robots:
+    """W robots of one shape, alike but for what they are told to do.
+
+    What becomes of a robot depends on its own actuation alone, to the bit: neither on W, nor on
+    its place, nor on its companions.
+
+    Args:
+        morphology: the shape of all.
+        terrain: where each stands alone.
+        material: physical constants.
+        solver: sub-steps and iterations.
+        width: number of robots W.
+
+    Attributes:
+        group: their state, which compiled code steps.
+        step_count: control steps made.
+
+    Raises:
+        InvalidInput: the solver asks for self-collision, which only the pymunk engine has.
+    """
+
+    def __init__(
+        self,
+        morphology: Morphology,
+        terrain: Terrain,
+        material: Material,
+        solver: Solver,
+        width: int = WIDTH,
+    ) -> None:
+        self._body = build_body(morphology, terrain, material)
+        self.group: Group = make_group(self._body, terrain.polygons, material, solver, width)
+        self.step_count = 0
+        self.reset()
+
+    def reset(self) -> np.ndarray:
+        """Put all robots down at rest and return their first readings, (n_voxels, 4, W)."""
+        put_down(self.group, self._body)
+        self.step_count = 0
+        sense(self.group, 0)
+        return self.readings
+
+    def step(self, actuation: np.ndarray) -> np.ndarray:
+        """Apply `actuation`, (n_voxels, W) in [-1, 1], for 1/60 s; return the new readings.
+
+        A robot that is no longer `sane` goes on with numbers that mean nothing.
+        """
+        self.group.actuation_lanes[:, 0] = actuation
+        advance_group(self.group, self.step_count + 1)
+        self.step_count += 1
+        return self.readings
+
+    @property
+    def readings(self) -> np.ndarray:
+        """Return the sensor readings, (n_voxels, 4, W) in [0, 1], of the order of `SENSORS`."""
+        return self.group.reading_lanes.copy()
+
+    @property
+    def masses(self) -> np.ndarray:
+        """Return x [m], y [m], angle [rad], v_x, v_y [m/s] of each mass, (n_masses, 5, W)."""
+        return self.group.mass_lanes[:, :5].copy()
+
+    @property
+    def sane(self) -> np.ndarray:
+        """Tell which robots' physics has not diverged, (W,)."""
+        return self.group.sane['lane'][0, 0] > 0.0
+
+    @property
+    def centers(self) -> np.ndarray:
+        """Return the robots' centres of mass (x, y) [m], (2, W)."""
+        centers = np.empty((2, self.group.mass_lanes.shape[2]))
+        write_centers(self.group, centers)
+        return centers

@@ -1,0 +1,136 @@
+"""The voxels' sensors in lanes: `sim_node.sensors`, operation by operation."""
+
+import math
+
+from sim_node.batched.group import COS, SIN, STAMP, VX, VY, X, Y
+from sim_node.batched.lanes import like, load, select, store
+from sim_node.compiled import compiled, compiled_inline
+from sim_node.sensors import N_SENSORS, TOUCH_WINDOW, VELOCITY_WINDOW, normalise
+
+MAX_AREA_RATIO = 100.0
+"""A voxel larger than this, relative to rest, has left all bounds."""
+
+
+@compiled
+def sense(group, step):
+    """Read all sensors after control step `step`, and note which lanes are sane.
+
+    A lane is not when one of its numbers is not finite or a voxel's area is beyond bounds.
+    """
+    sane = like(load(group.masses, 0, X), 1.0)
+    for i in range(group.area_ratios.shape[0]):
+        area = _outline(group, i) / group.rest_area
+        store(group.area_ratios, i, 0, area)
+        sane = select(abs(area) < MAX_AREA_RATIO, sane, 0.0)
+        touching = _touching(group, i)
+        store(group.touching, i, 0, touching)
+        store(group.touches, i * TOUCH_WINDOW + step % TOUCH_WINDOW, 0, touching)
+        along, across = _own_velocity(group, i)
+        newest = i * VELOCITY_WINDOW + step % VELOCITY_WINDOW
+        store(group.velocities, newest, 0, along)
+        store(group.velocities, newest, 1, across)
+        store(group.readings, i, 0, area)
+        n = min(step + 1, TOUCH_WINDOW)
+        store(group.readings, i, 1, _sum(group.touches, i * TOUCH_WINDOW, n, 0) / n)
+        n = min(step + 1, VELOCITY_WINDOW)
+        store(group.readings, i, 2, _sum(group.velocities, i * VELOCITY_WINDOW, n, 0) / n)
+        store(group.readings, i, 3, _sum(group.velocities, i * VELOCITY_WINDOW, n, 1) / n)
+    _normalise(group)
+    for i in range(group.area_ratios.shape[0]):
+        for sensor in range(N_SENSORS):
+            sane = select(load(group.readings, i, sensor) <= 1.0, sane, 0.0)
+    store(group.sane, 0, 0, sane)
+
+
+@compiled_inline
+def _outline(group, i):
+    """Write the outer corners of voxel i and return its area [m^2]."""
+    for j in range(4 * i, 4 * i + 4):
+        sx = -group.half if j == 4 * i or j == 4 * i + 3 else group.half
+        sy = group.half if j < 4 * i + 2 else -group.half
+        c, s = load(group.masses, j, COS), load(group.masses, j, SIN)
+        store(group.corners, j, 0, load(group.masses, j, X) + c * sx - s * sy)
+        store(group.corners, j, 1, load(group.masses, j, Y) + s * sx + c * sy)
+    twice = like(load(group.masses, 0, X), 0.0)
+    for j in range(4 * i, 4 * i + 4):
+        k = 4 * i + (j + 1) % 4
+        twice += load(group.corners, k, 0) * load(group.corners, j, 1) - load(
+            group.corners, j, 0
+        ) * load(group.corners, k, 1)
+    return twice / 2.0
+
+
+@compiled_inline
+def _touching(group, i):
+    """Return 1.0 where one of voxel i's masses touches the ground, else 0.0."""
+    now = group.step_count[0]
+    touching = like(load(group.masses, 0, X), 0.0)
+    for row in range(4 * i * group.slots, 4 * (i + 1) * group.slots):
+        if group.in_use[row]:
+            touches = load(group.contacts, row, STAMP) == like(touching, now)
+            touching = select(touches, 1.0, touching)
+    return touching
+
+
+@compiled_inline
+def _own_velocity(group, i):
+    """Return the mean velocity (along, across) of voxel i's masses in its own axes."""
+    masses, m = group.masses, 4 * i
+    top_x = load(masses, m + 1, X) - load(masses, m, X)
+    top_y = load(masses, m + 1, Y) - load(masses, m, Y)
+    low_x = load(masses, m + 2, X) - load(masses, m + 3, X)
+    low_y = load(masses, m + 2, Y) - load(masses, m + 3, Y)
+    top = math.sqrt(top_x * top_x + top_y * top_y)
+    low = math.sqrt(low_x * low_x + low_y * low_y)
+    x, y = top_x / top + low_x / low, top_y / top + low_y / low
+    length = math.sqrt(x * x + y * y)
+    c, s = x / length, y / length
+    vx = like(x, 0.0)
+    vy = like(x, 0.0)
+    for j in range(m, m + 4):
+        vx, vy = vx + load(masses, j, VX), vy + load(masses, j, VY)
+    vx, vy = vx / 4.0, vy / 4.0
+    return c * vx + s * vy, c * vy - s * vx
+
+
+@compiled_inline
+def _sum(windows, first, n, field):
+    total = like(load(windows, first, field), 0.0)
+    for i in range(first, first + n):
+        total += load(windows, i, field)
+    return total
+
+
+@compiled_inline
+def _normalise(group):
+    """Turn measures into readings in [0, 1] by the one function that does it in every engine."""
+    lanes, scratch = group.reading_lanes, group.scratch
+    n = lanes.shape[0]
+    for lane in range(lanes.shape[2]):
+        for i in range(n):
+            for sensor in range(N_SENSORS):
+                scratch[(lane * n + i) * N_SENSORS + sensor] = lanes[i, sensor, lane]
+    normalise(scratch)
+    for lane in range(lanes.shape[2]):
+        for i in range(n):
+            for sensor in range(N_SENSORS):
+                lanes[i, sensor, lane] = scratch[(lane * n + i) * N_SENSORS + sensor]
+
+
+@compiled
+def write_centers(group, centers):
+    """Write the robots' centres of mass, (2, W) [m]."""
+    n = group.masses.shape[0]
+    for axis in range(2):
+        for lane in range(centers.shape[1]):
+            total = 0.0
+            for i in range(n):
+                total += group.mass_lanes[i, axis, lane]
+            centers[axis, lane] = total / n
+
+
+
+@compiled
+def is_sane(group, lane):
+    """Tell whether the physics of the robot in `lane` has not diverged, as of `sense`."""
+    return group.sane_lanes[0, 0, lane] > 0.0

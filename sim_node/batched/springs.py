@@ -1,0 +1,87 @@
+"""Damped springs (Chipmunk's cpDampedSpring): the force once before a step, damping in sweeps."""
+
+import math
+
+from sim_node.batched.elementary import decay
+from sim_node.batched.group import COS, N_SPRINGS, SIN, SPIN, VX, VY, X, Y
+from sim_node.batched.lanes import load, select, store
+from sim_node.compiled import compiled, compiled_inline
+
+_NX, _NY, _ARM_A, _ARM_B, _DRAG, _PULL, _TARGET = range(7)
+"""Fields: unit vector from a to b, lever arms about the masses' centres, share of the relative
+velocity that damping takes in a step and the impulse that does it, relative velocity to be left."""
+
+
+@compiled_inline
+def anchor(masses, i, ax, ay):
+    """Return where an anchor [m] in the axes of mass i points in the world's axes."""
+    c, s = load(masses, i, COS), load(masses, i, SIN)
+    return c * ax - s * ay, s * ax + c * ay
+
+
+@compiled_inline
+def get_velocity(masses, i):
+    """Return (v_x, v_y, rho times the angular velocity) of mass i."""
+    return load(masses, i, VX), load(masses, i, VY), load(masses, i, SPIN)
+
+
+@compiled_inline
+def set_velocity(masses, i, velocity):
+    """Write what `get_velocity` returns."""
+    store(masses, i, VX, velocity[0])
+    store(masses, i, VY, velocity[1])
+    store(masses, i, SPIN, velocity[2])
+
+
+@compiled
+def stretch_springs(group, ends):
+    """Prepare every spring at the present poses and apply its force for the step.
+
+    Args:
+        group: the robots.
+        ends: (18, 2) which of a voxel's masses its springs join.
+    """
+    masses, springs, table = group.masses, group.springs, group.spring_table
+    for k in range(springs.shape[0]):
+        voxel = k // N_SPRINGS
+        a, b = 4 * voxel + ends[k % N_SPRINGS, 0], 4 * voxel + ends[k % N_SPRINGS, 1]
+        ax, ay = anchor(masses, a, table[k, 0], table[k, 1])
+        bx, by = anchor(masses, b, table[k, 2], table[k, 3])
+        dx = (load(masses, b, X) + bx) - (load(masses, a, X) + ax)
+        dy = (load(masses, b, Y) + by) - (load(masses, a, Y) + ay)
+        length = math.sqrt(dx * dx + dy * dy)
+        per_length = select(length == 0.0, 0.0, 1.0 / length)
+        nx, ny = dx * per_length, dy * per_length
+        arm_a, arm_b = (ax * ny - ay * nx) * group.per_rho, (bx * ny - by * nx) * group.per_rho
+        stiff = 2.0 + arm_a * arm_a + arm_b * arm_b
+        store(springs, k, _NX, nx)
+        store(springs, k, _NY, ny)
+        store(springs, k, _ARM_A, arm_a)
+        store(springs, k, _ARM_B, arm_b)
+        drag = decay(table[k, 8] * stiff, group.halvings)
+        store(springs, k, _DRAG, drag)
+        store(springs, k, _PULL, drag / stiff)
+        store(springs, k, _TARGET, 0.0)
+
+        change = load(group.actuation, voxel, 0)
+        short, rest, long = table[k, 4], table[k, 5], table[k, 6]
+        rest = rest + select(change > 0.0, short - rest, long - rest) * abs(change)
+        j = (rest - length) * table[k, 7]
+        vx, vy, spin = get_velocity(masses, a)
+        set_velocity(masses, a, (vx - nx * j, vy - ny * j, spin - arm_a * j))
+        vx, vy, spin = get_velocity(masses, b)
+        set_velocity(masses, b, (vx + nx * j, vy + ny * j, spin + arm_b * j))
+
+
+@compiled_inline
+def damp(springs, k, a, b):
+    """Let the damping of spring k act between masses of velocities a and b; return both."""
+    nx, ny = load(springs, k, _NX), load(springs, k, _NY)
+    arm_a, arm_b = load(springs, k, _ARM_A), load(springs, k, _ARM_B)
+    target = load(springs, k, _TARGET)
+    # The order of these sums keeps the chain from one spring to the next short.
+    excess = (target - (arm_b * b[2] - arm_a * a[2])) - (nx * (b[0] - a[0]) + ny * (b[1] - a[1]))
+    j = excess * load(springs, k, _PULL)
+    jx, jy = nx * j, ny * j
+    store(springs, k, _TARGET, (target - excess) + excess * load(springs, k, _DRAG))
+    return (a[0] - jx, a[1] - jy, a[2] - arm_a * j), (b[0] + jx, b[1] + jy, b[2] + arm_b * j)

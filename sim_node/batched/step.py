@@ -1,0 +1,125 @@
+"""One physics step of a group, in Munk2D's order of operations (Chipmunk's cpSpaceStep).
+
+The algorithm is that of Chipmunk2D (MIT licence; Scott Lembcke, Howling Moon Software) and of
+pymunk's fork Munk2D (Victor Blomqvist): semi-implicit Euler, and sequential impulses with warm
+starting after Catto, "Iterative dynamics with temporal coherence" (2005).
+"""
+
+import numpy as np
+
+from sim_node.batched.contacts import apply_contacts_of_last_step, find_contacts, push_contacts
+from sim_node.batched.elementary import sine_cosine
+from sim_node.batched.group import (
+    ANGLE,
+    BIAS_SPIN,
+    BIAS_X,
+    BIAS_Y,
+    COS,
+    ENDS,
+    N_LIMITS,
+    N_SPRINGS,
+    SIN,
+    SPIN,
+    VX,
+    VY,
+    X,
+    Y,
+)
+from sim_node.batched.joints import apply_joints_of_last_step, limit, prepare_joints, weld
+from sim_node.batched.lanes import load, store
+from sim_node.batched.springs import damp, get_velocity, set_velocity, stretch_springs
+from sim_node.compiled import compiled
+
+_SPRING_ENDS = np.array(ENDS[:N_SPRINGS])
+_LIMIT_ENDS = np.array(ENDS[N_SPRINGS:])
+
+
+@compiled
+def physics_step(group):
+    """Advance all robots of the group by `group.dt`."""
+    group.step_count[0] += 1.0
+    move(group)
+    find_contacts(group)
+    stretch_springs(group, _SPRING_ENDS)
+    prepare_joints(group, _LIMIT_ENDS)
+    fall(group)
+    apply_contacts_of_last_step(group)
+    apply_joints_of_last_step(group, _LIMIT_ENDS)
+    for _ in range(group.iterations):
+        push_contacts(group)
+        sweep(group)
+
+
+@compiled
+def move(group):
+    """Move all masses by their velocities and by those that mend overlaps, which end here."""
+    for i in range(group.masses.shape[0]):
+        x = load(group.masses, i, X)
+        y = load(group.masses, i, Y)
+        angle = load(group.masses, i, ANGLE)
+        x += (load(group.masses, i, VX) + load(group.masses, i, BIAS_X)) * group.dt
+        y += (load(group.masses, i, VY) + load(group.masses, i, BIAS_Y)) * group.dt
+        spin = load(group.masses, i, SPIN) + load(group.masses, i, BIAS_SPIN)
+        angle += spin * (group.dt * group.per_rho)
+        s, c = sine_cosine(angle)
+        store(group.masses, i, X, x)
+        store(group.masses, i, Y, y)
+        store(group.masses, i, ANGLE, angle)
+        store(group.masses, i, COS, c)
+        store(group.masses, i, SIN, s)
+        store(group.masses, i, BIAS_X, 0.0)
+        store(group.masses, i, BIAS_Y, 0.0)
+        store(group.masses, i, BIAS_SPIN, 0.0)
+
+
+@compiled
+def fall(group):
+    """Damp all velocities and let gravity act."""
+    masses = group.masses
+    for i in range(masses.shape[0]):
+        vx, vy, spin = get_velocity(masses, i)
+        vx, vy = vx * group.damping + 0.0, vy * group.damping - group.fall
+        set_velocity(masses, i, (vx, vy, spin * group.damping + 0.0))
+
+
+@compiled
+def sweep(group):
+    """Let every constraint act once, in the order in which they entered Munk2D's space.
+
+    There a voxel's welds follow its springs and limits. They join it to voxels before it, so that
+    they may as well come after the springs and limits of all.
+    """
+    masses, springs, limits, welds = group.masses, group.springs, group.limits, group.welds
+    for voxel in range(limits.shape[0] // N_LIMITS):
+        i, k, m = 4 * voxel, N_SPRINGS * voxel, N_LIMITS * voxel
+        nw, ne = get_velocity(masses, i), get_velocity(masses, i + 1)
+        se, sw = get_velocity(masses, i + 2), get_velocity(masses, i + 3)
+        for j in range(k, k + 4):
+            nw, ne = damp(springs, j, nw, ne)
+        for j in range(k + 4, k + 8):
+            ne, se = damp(springs, j, ne, se)
+        for j in range(k + 8, k + 12):
+            se, sw = damp(springs, j, se, sw)
+        for j in range(k + 12, k + 16):
+            sw, nw = damp(springs, j, sw, nw)
+        nw, se = damp(springs, k + 16, nw, se)
+        ne, sw = damp(springs, k + 17, ne, sw)
+        if group.active[limits.shape[0] + voxel]:
+            if group.active[m]:
+                nw, ne = limit(limits, m, nw, ne)
+            if group.active[m + 1]:
+                ne, se = limit(limits, m + 1, ne, se)
+            if group.active[m + 2]:
+                se, sw = limit(limits, m + 2, se, sw)
+            if group.active[m + 3]:
+                sw, nw = limit(limits, m + 3, sw, nw)
+        set_velocity(masses, i, nw)
+        set_velocity(masses, i + 1, ne)
+        set_velocity(masses, i + 2, se)
+        set_velocity(masses, i + 3, sw)
+    for k in range(0, welds.shape[0], 2):
+        i, j = group.weld_ends[k, 0], group.weld_ends[k, 1]
+        a, b = weld(welds, k, get_velocity(masses, i), get_velocity(masses, j))
+        a, b = weld(welds, k + 1, a, b)
+        set_velocity(masses, i, a)
+        set_velocity(masses, j, b)

@@ -1,0 +1,68 @@
+"""The vector type and the elementary functions on it, against numpy in extended precision."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sim_node.batched.elementary import decay, sine_cosine
+from sim_node.batched.lanes import any_lane, like, load, select, store, zeros
+from sim_node.compiled import compiled
+
+
+@compiled
+def _arithmetic(a):
+    for i in range(a.shape[0]):
+        x, y = load(a, i, 0), load(a, i, 1)
+        smaller = (x < y) & ~(x < 0.0)
+        store(a, i, 2, select(smaller | (y >= 2.0), math.sqrt(abs(x)) / 3, -y * 0.5))
+        store(a, i, 3, max(min(x + y, x - y), like(x, -1.0)))
+        store(a, i, 4, 1.0 if any_lane(smaller) else 0.0)
+
+
+@compiled
+def _sine_cosine(angles, results):
+    for i in range(angles.shape[0]):
+        s, c = sine_cosine(load(angles, i, 0))
+        store(results, i, 0, s)
+        store(results, i, 1, c)
+
+
+@compiled
+def _decay(xs, halvings):
+    for i in range(xs.shape[0]):
+        store(xs, i, 0, decay(load(xs, i, 0), halvings))
+
+
+@pytest.mark.parametrize('width', [1, 4, 16])
+def test_arithmetic_acts_lane_by_lane(width):
+    array = zeros((50, 5), width)
+    floats = array['lane']
+    floats[:] = np.random.default_rng(0).normal(0.0, 2.0, floats.shape)
+    x, y = floats[:, 0].copy(), floats[:, 1].copy()
+    _arithmetic(array)
+    smaller = (x < y) & ~(x < 0.0)
+    chosen = np.where(smaller | (y >= 2.0), np.sqrt(np.abs(x)) / 3, -y * 0.5)
+    np.testing.assert_array_equal(floats[:, 2], chosen)
+    np.testing.assert_array_equal(floats[:, 3], np.maximum(np.minimum(x + y, x - y), -1.0))
+    some = np.repeat(smaller.any(axis=1)[:, None], width, axis=1)
+    np.testing.assert_array_equal(floats[:, 4], some.astype(float))
+
+
+@pytest.mark.parametrize('extent', [1.0, 100.0, 1e5])
+def test_sine_and_cosine(extent):
+    angles, results = zeros((2000, 1), 16), zeros((2000, 2), 16)
+    angles['lane'][:] = np.random.default_rng(1).uniform(-extent, extent, angles['lane'].shape)
+    _sine_cosine(angles, results)
+    exact = angles['lane'][:, 0].astype(np.longdouble)
+    assert np.abs(results['lane'][:, 0] - np.sin(exact)).max() < 2e-16
+    assert np.abs(results['lane'][:, 1] - np.cos(exact)).max() < 2e-16
+
+
+@pytest.mark.parametrize('halvings', [0, 2, 5])
+def test_decay(halvings):
+    xs = zeros((2000, 1), 16)
+    xs['lane'][:] = np.random.default_rng(2).uniform(0.0, 2.0**halvings / 4, xs['lane'].shape)
+    exact = -np.expm1(-xs['lane'].astype(np.longdouble))
+    _decay(xs, halvings)
+    np.testing.assert_allclose(xs['lane'], exact.astype(float), rtol=1e-15, atol=0.0)
