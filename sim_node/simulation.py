@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_node import munk
+from sim_node.batched.robots import OneRobot, Robots, advance_one, one_robot
 from sim_node.body import build_body
 from sim_node.compiled import compiled
-from sim_node.errors import InvalidInput
+from sim_node.errors import InvalidInput, near_miss
 from sim_node.material import Material
 from sim_node.morphology import Morphology, parse_morphology
 from sim_node.sensors import (
@@ -27,6 +28,9 @@ from sim_node.solver import Solver
 from sim_node.space import Space
 from sim_node.stamps import CONTROL_RATE
 from sim_node.terrain import Terrain, parse_terrain
+
+ENGINES = ('pymunk', 'batched')
+"""pymunk steps any scene; batched, the same algorithm in SIMD lanes, what evolution needs."""
 
 _MAX_AREA_RATIO = 100.0
 
@@ -150,14 +154,17 @@ class Simulation:
         solver: sub-steps, iterations and self-collision.
         sensor_noise: standard deviation of N(0, sigma) added to readings.
         seed: of the sensor noise; every `reset` starts it anew.
+        engine: one of `ENGINES`.
 
     Attributes:
         world: what the engine reads and writes.
-        space: the Munk2D space of the ground and the robot since the last `reset`.
+        space: of the pymunk engine, the space of ground and robot since the last `reset`.
 
     Raises:
-        InvalidInput: a name or number is off.
+        InvalidInput: a name or number is off, or the batched engine is asked for self-collision.
     """
+
+    world: World | OneRobot
 
     def __init__(
         self,
@@ -168,6 +175,7 @@ class Simulation:
         solver: Solver | None = None,
         sensor_noise: float = 0.0,
         seed: int = 0,
+        engine: str = 'pymunk',
     ) -> None:
         if not isinstance(morphology, Morphology):
             morphology = parse_morphology(morphology)
@@ -178,26 +186,44 @@ class Simulation:
             raise InvalidInput('sensor_noise', sensor_noise, 'a number from 0 to 10')
         if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
             raise InvalidInput('seed', seed, 'an integer from 0')
-        self.morphology, self.terrain = morphology, terrain
+        if engine not in ENGINES:
+            expected = f'one of {", ".join(ENGINES)}' + near_miss(str(engine), ENGINES)
+            raise InvalidInput('engine', engine, expected)
+        self.morphology, self.terrain, self.engine = morphology, terrain, engine
         self.material = material or Material()
         self.solver = solver or Solver()
         self.sensor_noise, self.seed = float(sensor_noise), seed
-        self._body = build_body(self.morphology, self.terrain, self.material)
-        self._ground = self.terrain.polygons
+        if engine == 'batched':
+            self._robots = Robots(morphology, terrain, self.material, self.solver, width=1)
+        else:
+            self._body = build_body(morphology, terrain, self.material)
+            self._ground = terrain.polygons
         self.step_count = 0
         self.reset()
 
     def reset(self) -> np.ndarray:
         """Put a fresh robot down at rest and return its first readings, (n_voxels, 4).
 
-        The space is built anew: the same robot on the same terrain always repeats bit for bit.
+        The world is built anew: the same robot on the same terrain always repeats bit for bit.
         """
+        if self.engine == 'batched':
+            self._robots.reset()
+            self.world = one_robot(self._robots.group)
+        else:
+            self.world = self._new_world()
+            sense(self.world, 0)
+        self.step_count = 0
+        self._rng = np.random.default_rng(self.seed)
+        add_noise(self.world.readings, self.draw_noise(1)[0])
+        return self.world.readings.copy()
+
+    def _new_world(self) -> World:
         n, m = self.morphology.n_voxels, self.material
         space = Space(self._body, self._ground, m, self.solver)
         reader = munk.BodyReader(len(space.bodies))
         touches, velocities = sample_windows(n)
         self.space, self._reader = space, reader  # keep alive what the handles point to
-        self.world = World(
+        return World(
             space=space.handle,
             bodies=space.bodies,
             springs=space.springs,
@@ -220,11 +246,6 @@ class Simulation:
             velocities=velocities,
             readings=np.zeros((n, N_SENSORS)),
         )
-        self.step_count = 0
-        self._rng = np.random.default_rng(self.seed)
-        sense(self.world, 0)
-        add_noise(self.world.readings, self.draw_noise(1)[0])
-        return self.world.readings.copy()
 
     def step(self, actuation: np.ndarray) -> np.ndarray:
         """Apply `actuation`, (n_voxels,) in [-1, 1], for 1/60 s; return the new readings.
@@ -240,7 +261,8 @@ class Simulation:
             raise InvalidInput('actuation', actuation, expected) from None
         if values.shape != self.world.actuation.shape or not np.isfinite(values).all():
             raise InvalidInput('actuation', values.tolist(), expected)
-        if not advance(self.world, values, self.step_count + 1, self.draw_noise(1)[0]):
+        go = advance_one if self.engine == 'batched' else advance
+        if not go(self.world, values, self.step_count + 1, self.draw_noise(1)[0]):
             raise Diverged(f'{self.morphology.name}: not finite at step {self.step_count + 1}')
         self.step_count += 1
         return self.world.readings.copy()

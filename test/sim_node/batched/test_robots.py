@@ -1,0 +1,95 @@
+"""Lanes do not matter: a robot's numbers are its own, to the bit."""
+
+import numpy as np
+import pytest
+
+from sim_node.batched.robots import Robots
+from sim_node.material import Material
+from sim_node.morphology import parse_morphology
+from sim_node.simulation import Simulation
+from sim_node.solver import Solver
+from sim_node.terrain import parse_terrain
+
+
+def _robots(shape: str, terrain: str, width: int) -> Robots:
+    return Robots(parse_morphology(shape), parse_terrain(terrain), Material(), Solver(), width)
+
+
+def _run(robots: Robots, actuation: np.ndarray) -> list[bytes]:
+    """Let each robot do its part of (n_steps, n_voxels, W); return what each went through."""
+    seen: list[list[np.ndarray]] = [[] for _ in range(actuation.shape[2])]
+    robots.reset()
+    for values in actuation:
+        readings = robots.step(values)
+        masses, centers = robots.masses, robots.centers
+        for lane, own in enumerate(seen):
+            own += [readings[:, :, lane], masses[:, :, lane], centers[:, lane]]
+    return [b''.join(array.tobytes() for array in own) for own in seen]
+
+
+def _gaits(n_robots: int, n_voxels: int, n_steps: int) -> np.ndarray:
+    """Draw gaits that differ wildly: some robots jump, some rest, some walk back to the wall."""
+    rng = np.random.default_rng(5)
+    frequency, phase = rng.uniform(0.0, 6.0, n_robots), rng.uniform(0.0, 7.0, (n_voxels, n_robots))
+    size = np.linspace(0.0, 1.5, n_robots)  # beyond 1 it is clipped
+    t = np.arange(n_steps)[:, None, None] / 60.0
+    return size * np.sin(2.0 * np.pi * frequency * t + phase)
+
+
+@pytest.mark.parametrize(
+    ('shape', 'terrain'), [('biped', 'flat'), ('worm', 'uphill-30'), ('11', 'steppy-0.3-1-2')]
+)
+def test_neither_width_nor_place_nor_companions_matter(shape, terrain):
+    gaits = _gaits(16, parse_morphology(shape).n_voxels, 300)
+    together = _run(_robots(shape, terrain, 16), gaits)
+    assert len(set(together)) == 16
+    order = np.random.default_rng(6).permutation(16)
+    shuffled = _run(_robots(shape, terrain, 16), gaits[:, :, order])
+    assert shuffled == [together[i] for i in order]
+    four = _robots(shape, terrain, 4)
+    for first in (0, 12):
+        assert _run(four, gaits[:, :, first : first + 4]) == together[first : first + 4]
+    alone = _robots(shape, terrain, 1)
+    for i in (0, 7, 15):
+        assert _run(alone, gaits[:, :, i : i + 1]) == [together[i]]
+
+
+def test_a_robot_that_diverges_harms_no_other():
+    gaits = _gaits(4, 2, 60)
+    calm = _run(_robots('11', 'flat', 4), gaits)
+    robots = _robots('11', 'flat', 4)
+    seen = []
+    for k, values in enumerate(gaits):
+        if k == 30:
+            robots.group.mass_lanes[3, 0, 2] = np.nan
+        readings = robots.step(values)
+        assert list(robots.sane) == [True, True, k < 30, True]
+        seen.append([readings, robots.masses, robots.centers])
+    for lane in (0, 1, 3):
+        own = b''.join(array[..., lane].tobytes() for step in seen for array in step)
+        assert own == calm[lane]
+
+
+def test_one_lane_is_what_simulation_steps():
+    robots, simulation = _robots('biped', 'flat', 16), Simulation('biped', engine='batched')
+    gaits = _gaits(16, 10, 60)
+    robots.reset()
+    for values in gaits:
+        readings, own = robots.step(values), simulation.step(values[:, 9])
+        np.testing.assert_array_equal(own, readings[:, :, 9])
+    np.testing.assert_array_equal(simulation.world.masses, robots.masses[:, :, 9])
+    np.testing.assert_array_equal(simulation.center, robots.centers[:, 9])
+
+
+def test_what_simulation_shows_is_the_same_as_in_the_pymunk_engine():
+    reference, batched = Simulation('11', engine='pymunk'), Simulation('11', engine='batched')
+    for _ in range(30):
+        reference.step(np.array([1.0, -0.5]))
+        batched.step(np.array([1.0, -0.5]))
+    for name in ('masses', 'corners', 'area_ratios', 'touching', 'actuation', 'readings'):
+        expected, got = getattr(reference.world, name), getattr(batched.world, name)
+        np.testing.assert_allclose(got, expected, atol=1e-9, err_msg=name)
+    np.testing.assert_allclose(batched.velocity, reference.velocity, atol=1e-9)
+    first = batched.reset()
+    np.testing.assert_array_equal(first, Simulation('11', engine='batched').reset())
+    assert batched.step_count == 0
