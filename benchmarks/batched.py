@@ -1,0 +1,160 @@
+"""What a robot-step costs in the batched engine beside Munk2D's: ratios first.
+
+    python benchmarks/batched.py [--quick] [--json FILE]
+
+Physics alone is Munk2D stepped from C to C against the lanes' step, both under the same actuation,
+which changes in every step. An episode holds sensors and cells as well. Rounds of both engines
+take turns in one process; figures are medians of CPU time. The assembly of the sweep is searched
+for the vector registers that it uses, and for fused multiply-adds, of which there must be none.
+"""
+
+import argparse
+import json
+import re
+import statistics
+import time
+from pathlib import Path
+
+import numpy as np
+
+from sim_node import munk
+from sim_node.batched.robots import Robots
+from sim_node.batched.step import physics_step, sweep
+from sim_node.compiled import compiled
+from sim_node.simulation import Simulation, set_rest_lengths
+from snca_ros.cell.nca import Architecture
+from snca_ros.controller import Controller
+from snca_ros.evolution.crowd import run_episodes
+from snca_ros.evolution.locomotion import run_episode
+
+SHAPES = ('biped', 'comb', 'worm')
+MODELS = (('U-D', 'mlp'), ('U-nD', 'snn-h'))
+WIDTHS = (1, 4, 8, 16, 32)
+
+
+@compiled
+def munk_steps(world, gaits):
+    """Step one robot of Munk2D through the first of the gaits, (n_steps, n_voxels, W)."""
+    actuation = np.empty(gaits.shape[1])
+    for k in range(gaits.shape[0]):
+        actuation[:] = gaits[k, :, 0]
+        set_rest_lengths(world, actuation)
+        munk.space_step(world.space, world.dt)
+
+
+@compiled
+def lane_steps(group, gaits):
+    """Step W robots, each through its gait."""
+    for k in range(gaits.shape[0]):
+        group.actuation_lanes[:, 0] = gaits[k]
+        physics_step(group)
+
+
+def gaits(n_steps: int, n_voxels: int, width: int) -> np.ndarray:
+    """Draw a sine gait of 1 Hz and random phases for each of `width` robots."""
+    phase = np.random.default_rng(0).uniform(0.0, 2.0 * np.pi, (n_voxels, width))
+    return np.sin(2.0 * np.pi * np.arange(n_steps)[:, None, None] / 60.0 + phase)
+
+
+def seconds(run, *arguments) -> float:
+    """Return the CPU time of a call [s]."""
+    start = time.process_time()
+    run(*arguments)
+    return time.process_time() - start
+
+
+def new_robots(simulation: Simulation, width: int) -> Robots:
+    s = simulation
+    return Robots(s.morphology, s.terrain, s.material, s.solver, width)
+
+
+def take_turns(reference, batched, rounds: int, per_reference: int, per_batched: int) -> dict:
+    """Run both `rounds` times in turns; return microseconds per robot-step and their ratio."""
+    a, b = [], []
+    reference(), batched()
+    for _ in range(rounds):
+        a.append(seconds(reference) / per_reference * 1e6)
+        b.append(seconds(batched) / per_batched * 1e6)
+    ratios = [x / y for x, y in zip(a, b, strict=True)]
+    return {
+        'ratio': statistics.median(ratios),
+        'pymunk_us': statistics.median(a), 'batched_us': statistics.median(b),
+    }
+
+
+def measure_physics(shape: str, width: int, rounds: int, n_steps: int) -> dict:
+    simulation = Simulation(shape)
+    robots = new_robots(simulation, width)
+    moves = gaits(n_steps, simulation.morphology.n_voxels, width)
+    costs = take_turns(
+        lambda: munk_steps(simulation.world, moves), lambda: lane_steps(robots.group, moves),
+        rounds, n_steps, n_steps * width,
+    )
+    return {'what': 'physics', 'shape': shape, 'width': width, **costs}
+
+
+def measure_episode(shape: str, name: str, model: str, rounds: int, duration: float) -> dict:
+    simulation = Simulation(shape)
+    robots = new_robots(simulation, 16)
+    architecture = Architecture.named(name, model)
+    n, n_steps = simulation.morphology.n_voxels, round(duration * 60)
+    thetas = np.random.default_rng(1).uniform(-1.0, 1.0, (16, architecture.n_parameters(n)))
+    controllers = [Controller(architecture, simulation.morphology, t) for t in thetas[:4]]
+
+    def reference() -> None:
+        for controller in controllers:
+            run_episode(simulation, controller, duration)
+
+    def batched() -> None:
+        run_episodes(robots, architecture, simulation.morphology, thetas, duration)
+
+    costs = take_turns(reference, batched, rounds, 4 * n_steps, 16 * n_steps)
+    return {'what': f'{name} {model} episode', 'shape': shape, 'width': 16, **costs}
+
+
+def registers() -> dict:
+    """Count vector registers and fused multiply-adds in the assembly of the sweep, W = 16."""
+    sweep(new_robots(Simulation('1'), 16).group)
+    assembly = '\n'.join(sweep.inspect_asm().values())
+    names = {kind: len(re.findall(rf'%{kind}\d+', assembly)) for kind in ('zmm', 'ymm', 'xmm')}
+    return {**names, 'fused': len(re.findall(r'vfn?m(?:add|sub)', assembly))}
+
+
+def measure(quick: bool) -> dict:
+    """Return all figures."""
+    rounds, n_steps, duration = (3, 600, 5.0) if quick else (7, 3000, 30.0)
+    results = [measure_physics(shape, 16, rounds, n_steps) for shape in SHAPES]
+    results += [
+        measure_episode(shape, *model, rounds, duration) for shape in SHAPES for model in MODELS
+    ]
+    if not quick:
+        results += [measure_physics('biped', w, rounds, n_steps) for w in WIDTHS if w != 16]
+    return {'results': results, 'registers': registers()}
+
+
+def table(figures: dict) -> str:
+    """Return the figures as text."""
+    lines = ['pymunk / batched   us per robot-step: pymunk  batched   W   shape, what']
+    for r in figures['results']:
+        lines.append(
+            f'{r["ratio"]:16.1f}   {"":20}{r["pymunk_us"]:8.1f} {r["batched_us"]:8.2f}'
+            f'{r["width"]:5d}  {r["shape"]}, {r["what"]}'
+        )
+    counts = ', '.join(f'{n} {name}' for name, n in figures['registers'].items())
+    return '\n'.join([*lines, f'assembly of the sweep: {counts}'])
+
+
+def main() -> None:
+    """Measure and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--quick', action='store_true', help='fewer and shorter runs')
+    parser.add_argument('--json', type=Path, help='also write the figures here')
+    args = parser.parse_args()
+    figures = measure(args.quick)
+    print(table(figures))
+    if args.json:
+        args.json.write_text(json.dumps(figures, indent=1))
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,48 @@
+"""Episodes side by side are the episodes one by one."""
+
+import numpy as np
+import pytest
+
+from sim_node.batched.robots import Robots
+from sim_node.simulation import Simulation
+from snca_ros.cell.nca import Architecture
+from snca_ros.controller import Controller
+from snca_ros.evolution.crowd import run_episodes
+from snca_ros.evolution.locomotion import run_episode
+
+
+@pytest.mark.parametrize(
+    ('name', 'model'), [('U-nD', 'snn-h'), ('nU-D', 'mlp'), ('nU-nD', 'snn')]
+)
+def test_episodes_of_a_crowd(name, model):
+    architecture = Architecture.named(name, model)
+    reference = Simulation('111-101')
+    n = reference.morphology.n_voxels
+    thetas = np.random.default_rng(0).uniform(-1.0, 1.0, (5, architecture.n_parameters(n)))
+    crowds = [
+        Robots(reference.morphology, reference.terrain, reference.material, reference.solver, w)
+        for w in (4, 1)
+    ]
+    together = run_episodes(crowds[0], architecture, reference.morphology, thetas[:3], 5.0)
+    assert len(together) == 3
+    for theta, episode in zip(thetas, together, strict=False):
+        alone, = run_episodes(crowds[1], architecture, reference.morphology, theta[None], 5.0)
+        np.testing.assert_array_equal(alone.centers, episode.centers)
+        controller = Controller(architecture, reference.morphology, theta)
+        in_pymunk = run_episode(reference, controller, 5.0)
+        assert not episode.diverged
+        np.testing.assert_allclose(episode.centers, in_pymunk.centers, atol=1e-3)
+
+
+def test_the_stepwise_loop_is_the_fused_one():
+    architecture = Architecture.named('U-nD', 'snn-h')
+    simulation = Simulation('biped', engine='batched')
+    morphology = simulation.morphology
+    theta = np.random.default_rng(1).uniform(-1.0, 1.0, architecture.n_parameters(10))
+    robots = Robots(morphology, simulation.terrain, simulation.material, simulation.solver, 4)
+    episode, = run_episodes(robots, architecture, morphology, theta[None], 3.0)
+    controller = Controller(architecture, morphology, theta)
+    readings = simulation.reset()
+    for k in range(180):
+        np.testing.assert_array_equal(episode.centers[k], simulation.center)
+        readings = simulation.step(controller.step(readings))
