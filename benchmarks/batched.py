@@ -1,6 +1,6 @@
 """What a robot-step costs in the batched engine beside Munk2D's: ratios first.
 
-    python benchmarks/batched.py [--quick] [--json FILE]
+    python -m benchmarks.batched [--quick] [--json FILE]
 
 Physics alone is Munk2D stepped from C to C against the lanes' step, both under the same actuation,
 which changes in every step. An episode holds sensors and cells as well. Rounds of both engines
@@ -8,15 +8,13 @@ take turns in one process; figures are medians of CPU time. The assembly of the 
 for the vector registers that it uses, and for fused multiply-adds, of which there must be none.
 """
 
-import argparse
-import json
 import re
 import statistics
 import time
-from pathlib import Path
 
 import numpy as np
 
+from benchmarks.command import run_part
 from sim_node import munk
 from sim_node.batched.robots import Robots
 from sim_node.batched.step import physics_step, sweep
@@ -144,17 +142,5 @@ def table(figures: dict) -> str:
     return '\n'.join([*lines, f'assembly of the sweep: {counts}'])
 
 
-def main() -> None:
-    """Measure and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--quick', action='store_true', help='fewer and shorter runs')
-    parser.add_argument('--json', type=Path, help='also write the figures here')
-    args = parser.parse_args()
-    figures = measure(args.quick)
-    print(table(figures))
-    if args.json:
-        args.json.write_text(json.dumps(figures, indent=1))
-
-
 if __name__ == '__main__':
-    main()
+    run_part(__doc__, measure, table)

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from sim_node.compiled import compiled
+
 
 def most_at_once(ground: np.ndarray, length: float) -> int:
     """Return how many polygons an interval of `length` [m] in x can meet at most.
@@ -20,66 +22,71 @@ def query_order(ground: np.ndarray) -> np.ndarray:
     result. Munk2D keeps bounding boxes in a binary tree: a new one descends to where the areas
     grow least, and becomes the first child beside the leaf that it meets (cpBBTree.c).
     """
-    low, high = ground.min(axis=1), ground.max(axis=1)
-    boxes = [_Box(*a, *b) for a, b in zip(low.tolist(), high.tolist(), strict=True)]
-    root: _Node | None = None
-    for i, box in enumerate(boxes):
-        root = _insert(root, _Node(box, polygon=i))
-    ranks = np.empty(len(boxes), dtype=np.int64)
-    rest = [root] if root else []
-    met = 0
-    while rest:
-        node = rest.pop()
-        if node.children:
-            rest += reversed(node.children)
+    return _query_order(np.concatenate([ground.min(axis=1), ground.max(axis=1)], axis=1))
+
+
+@compiled
+def _query_order(leaves):
+    """Do so for bounding boxes (n, 4): left, bottom, right, top. Nodes below n are leaves."""
+    n = leaves.shape[0]
+    boxes = np.empty((2 * n, 4))
+    boxes[:n] = leaves
+    children = np.full((2 * n, 2), -1)
+    root, size = 0, n
+    for leaf in range(1, n):
+        node, parent, side = root, -1, 0
+        while node >= n:
+            a, b = children[node]
+            cost_a = _area(boxes[b]) + _merged_area(boxes[a], boxes[leaf])
+            cost_b = _area(boxes[a]) + _merged_area(boxes[b], boxes[leaf])
+            if cost_a == cost_b:
+                cost_a = _distance(boxes[a], boxes[leaf])
+                cost_b = _distance(boxes[b], boxes[leaf])
+            _merge(boxes[node], boxes[leaf])
+            parent, side = node, 1 if cost_b < cost_a else 0
+            node = children[node, side]
+        boxes[size] = boxes[node]
+        _merge(boxes[size], boxes[leaf])
+        children[size, 0], children[size, 1] = leaf, node
+        if parent < 0:
+            root = size
         else:
-            ranks[node.polygon] = met
+            children[parent, side] = size
+        size += 1
+    ranks, stack, depth, met = np.empty(n, np.int64), np.empty(2 * n, np.int64), 1, 0
+    stack[0] = root
+    while depth > 0:
+        depth -= 1
+        node = stack[depth]
+        if node < n:
+            ranks[node] = met
             met += 1
+        else:
+            stack[depth], stack[depth + 1] = children[node, 1], children[node, 0]
+            depth += 2
     return ranks
 
 
-class _Box(tuple):
-    """A bounding box (left, bottom, right, top)."""
-
-    def __new__(cls, *sides: float) -> '_Box':
-        return super().__new__(cls, sides)
-
-    @property
-    def area(self) -> float:
-        return (self[2] - self[0]) * (self[3] - self[1])
-
-    def merged(self, other: '_Box') -> '_Box':
-        return _Box(*map(min, self[:2], other[:2]), *map(max, self[2:], other[2:]))
-
-    def distance(self, other: '_Box') -> float:
-        """Return twice the distance of the centres, |x| + |y|."""
-        across = self[0] + self[2] - other[0] - other[2]
-        return abs(across) + abs(self[1] + self[3] - other[1] - other[3])
+@compiled
+def _area(box):
+    return (box[2] - box[0]) * (box[3] - box[1])
 
 
-class _Node:
-    """A node of the tree: a polygon, or two children."""
+@compiled
+def _merged_area(a, b):
+    across = max(a[2], b[2]) - min(a[0], b[0])
+    return across * (max(a[3], b[3]) - min(a[1], b[1]))
 
-    def __init__(self, box: _Box, *children: '_Node', polygon: int = -1) -> None:
-        self.box, self.children, self.polygon = box, list(children), polygon
+
+@compiled
+def _distance(a, b):
+    """Return twice the distance of the centres, |x| + |y|."""
+    return abs(a[0] + a[2] - b[0] - b[2]) + abs(a[1] + a[3] - b[1] - b[3])
 
 
-def _insert(root: _Node | None, leaf: _Node) -> _Node:
-    if root is None:
-        return leaf
-    path, node = [], root
-    while node.children:
-        path.append(node)
-        a, b = (child.box for child in node.children)
-        costs = b.area + a.merged(leaf.box).area, a.area + b.merged(leaf.box).area
-        if costs[0] == costs[1]:
-            costs = a.distance(leaf.box), b.distance(leaf.box)
-        node = node.children[1 if costs[1] < costs[0] else 0]
-    joined = _Node(leaf.box.merged(node.box), leaf, node)
-    for parent in path:
-        parent.box = parent.box.merged(leaf.box)
-    if not path:
-        return joined
-    siblings = path[-1].children
-    siblings[siblings.index(node)] = joined
-    return root
+@compiled
+def _merge(box, other):
+    """Let `box` hold `other` as well."""
+    for side in range(2):
+        box[side] = min(box[side], other[side])
+        box[side + 2] = max(box[side + 2], other[side + 2])
