@@ -24,13 +24,10 @@ from sim_node.sensors import (
     polygon_area,
     sample_windows,
 )
-from sim_node.solver import Solver
+from sim_node.solver import ENGINES, Solver
 from sim_node.space import Space
 from sim_node.stamps import CONTROL_RATE
 from sim_node.terrain import Terrain, parse_terrain
-
-ENGINES = ('pymunk', 'batched')
-"""pymunk steps any scene; batched, the same algorithm in SIMD lanes, what evolution needs."""
 
 _MAX_AREA_RATIO = 100.0
 
@@ -154,7 +151,7 @@ class Simulation:
         solver: sub-steps, iterations and self-collision.
         sensor_noise: standard deviation of N(0, sigma) added to readings.
         seed: of the sensor noise; every `reset` starts it anew.
-        engine: one of `ENGINES`.
+        engine: one of `sim_node.solver.ENGINES`.
 
     Attributes:
         world: what the engine reads and writes.

@@ -1,8 +1,11 @@
-"""How finely an engine solves a control step."""
+"""Which engine solves a control step, and how finely."""
 
 from dataclasses import dataclass
 
 from sim_node.errors import InvalidInput, check_keys
+
+ENGINES = ('pymunk', 'batched')
+"""pymunk steps any scene; batched, the same algorithm in SIMD lanes, what evolution needs."""
 
 
 @dataclass(frozen=True)

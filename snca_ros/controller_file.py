@@ -12,7 +12,7 @@ import numpy as np
 from sim_node.errors import InvalidInput, check_keys
 from sim_node.material import Material
 from sim_node.morphology import Morphology, parse_morphology
-from sim_node.solver import Solver
+from sim_node.solver import ENGINES, Solver
 from sim_node.terrain import parse_terrain
 from snca_ros.cell.nca import Architecture
 from snca_ros.controller import Controller
@@ -22,7 +22,7 @@ FORMAT_VERSION = 1
 _MAX_BYTES = 64 * 2**20
 _FIELDS = (
     'format_version', 'architecture', 'morphology', 'terrain', 'material', 'solver',
-    'fitness', 'seed', 'evaluations', 'versions',
+    'fitness', 'seed', 'evaluations', 'versions', 'chosen_by', 'v_x',
 )
 
 
@@ -37,6 +37,8 @@ class TrainedController:
         terrain: name of the ground that they were evolved on.
         material, solver: of the simulation that they were evolved in.
         fitness: v_x [m/s] of the episode that evolution scored.
+        chosen_by: the engine of that episode.
+        v_x: v_x [m/s] of one episode in each engine that scored it.
         seed, evaluations: of the run that found them.
         versions: packages that were used, name to version.
     """
@@ -51,6 +53,8 @@ class TrainedController:
     seed: int = 0
     evaluations: int = 0
     versions: dict[str, str] = field(default_factory=dict)
+    chosen_by: str = 'pymunk'
+    v_x: dict[str, float] = field(default_factory=dict)
 
     def controller(self) -> Controller:
         """Return all cells, ready to step."""
@@ -81,6 +85,8 @@ def save_controller(path: Path | str, trained: TrainedController) -> None:
         'seed': int(trained.seed),
         'evaluations': int(trained.evaluations),
         'versions': trained.versions or package_versions(),
+        'chosen_by': trained.chosen_by,
+        'v_x': trained.v_x,
     }
     text = np.array(json.dumps(header))
     write_atomically(
@@ -161,6 +167,18 @@ def _count(header: dict, name: str) -> int:
     return value
 
 
+def _engine(name: Any, where: str) -> str:
+    if name not in ENGINES:
+        raise InvalidInput(where, name, f'one of {", ".join(ENGINES)}')
+    return name
+
+
+def _scores(values: Any) -> dict[str, float]:
+    if not isinstance(values, dict):
+        raise InvalidInput('v_x', values, 'a speed per engine')
+    return {_engine(name, 'v_x'): _field(values, name, float, 'v_x.') for name in values}
+
+
 def _checked(header: dict, theta: np.ndarray) -> TrainedController:
     version = _field(header, 'format_version', int)
     if version != FORMAT_VERSION:
@@ -190,4 +208,6 @@ def _checked(header: dict, theta: np.ndarray) -> TrainedController:
         seed=_count(header, 'seed'),
         evaluations=_count(header, 'evaluations'),
         versions={str(k): str(v) for k, v in _field(header, 'versions', dict).items()},
+        chosen_by=_engine(header.get('chosen_by', 'pymunk'), 'chosen_by'),
+        v_x=_scores(header.get('v_x', {})),
     )

@@ -36,15 +36,30 @@ class Progress:
     Attributes:
         strategy: the strategy's state.
         history: a row of `HISTORY` per generation.
+        reassessed: v_x [m/s] of the best quarter in the pymunk engine, best of the run's engine
+            first; empty before the end, and of runs in that engine.
     """
 
     strategy: dict[str, np.ndarray] = field(default_factory=dict)
     history: list[tuple[float, ...]] = field(default_factory=list)
+    reassessed: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     @property
     def evaluations(self) -> int:
         """Return the evaluations spent."""
         return int(self.history[-1][1]) if self.history else 0
+
+    def chosen(self, engine: str) -> tuple[int, str, dict[str, float]]:
+        """Return the number of the best individual, the engine that says so, and its v_x in each.
+
+        Args:
+            engine: that of the run.
+        """
+        fitness = self.strategy['fitness']
+        if not len(self.reassessed):
+            return 0, engine, {engine: float(fitness[0])}
+        i = int(np.argmax(self.reassessed))
+        return i, 'pymunk', {engine: float(fitness[i]), 'pymunk': float(self.reassessed[i])}
 
 
 class RunFolder:
@@ -99,8 +114,8 @@ class RunFolder:
             with np.load(path, allow_pickle=False) as data:
                 arrays = {name: data[name] for name in data.files}
             self._check(arrays)
-            rows = arrays.pop('history')
-            progress = Progress(arrays, [tuple(row) for row in rows.tolist()])
+            rows, reassessed = arrays.pop('history'), arrays.pop('reassessed')
+            progress = Progress(arrays, [tuple(row) for row in rows.tolist()], reassessed)
         except InvalidInput as error:
             raise error.found_in(str(path)) from None
         except Exception as error:
@@ -111,18 +126,21 @@ class RunFolder:
 
     def _check(self, arrays: dict[str, np.ndarray]) -> None:
         config = self.config
+        arrays.setdefault('reassessed', np.empty(0))  # runs from before there were two engines
         n = min(len(arrays.get('individuals', ())), config.population)
         expected = {
             'individuals': (n, config.n_parameters),
             'fitness': (n,),
             'history': (int(arrays.get('generation', np.array(0)).flat[0]), len(HISTORY)),
             'generation': (),
+            'reassessed': (min(len(arrays['reassessed']), config.n_elite),),
         }
         if arrays.keys() != expected.keys():
             raise InvalidInput('entries', sorted(arrays), ', '.join(sorted(expected)))
         for name, shape in expected.items():
             array, kind = arrays[name], 'i' if name == 'generation' else 'f'
-            if array.shape != shape or array.dtype.kind != kind or 0 in shape:
+            missing = 0 in shape and name != 'reassessed'
+            if array.shape != shape or array.dtype.kind != kind or missing:
                 shown = f'{array.dtype} of shape {array.shape}'
                 raise InvalidInput(name, shown, f'numbers of shape {shape}, none of them 0')
         fitness, spent = arrays['fitness'], arrays['history'][:, 1]
@@ -135,7 +153,10 @@ class RunFolder:
 
     def save(self, progress: Progress) -> None:
         """Replace the checkpoint, then history.csv and best.npz."""
-        arrays = {**progress.strategy, 'history': np.array(progress.history)}
+        arrays = {
+            **progress.strategy,
+            'history': np.array(progress.history), 'reassessed': progress.reassessed,
+        }
         write_atomically(self.path / 'checkpoint.npz', lambda file: np.savez(file, **arrays))  # type: ignore[arg-type]
         self._write_views(progress)
 
@@ -147,16 +168,19 @@ class RunFolder:
             writer.writerow([int(generation), int(evaluations), *map(repr, scores)])
         write_text(self.path / 'history.csv', text.getvalue())
         config = self.config
+        best, chosen_by, v_x = progress.chosen(config.engine)
         trained = TrainedController(
             architecture=config.architecture,
             morphology=parse_morphology(config.shape),
-            theta=progress.strategy['individuals'][0],
+            theta=progress.strategy['individuals'][best],
             terrain=config.terrain,
             material=config.material,
             solver=config.solver,
-            fitness=float(progress.strategy['fitness'][0]),
+            fitness=v_x[chosen_by],
             seed=config.seed,
             evaluations=progress.evaluations,
+            chosen_by=chosen_by,
+            v_x=v_x,
         )
         save_controller(self.path / 'best.npz', trained)
 

@@ -6,11 +6,11 @@ from typing import Any
 
 import yaml
 
-from sim_node.errors import InvalidInput, check_keys
+from sim_node.errors import InvalidInput, check_keys, near_miss
 from sim_node.material import Material
 from sim_node.morphology import parse_morphology
 from sim_node.simulation import Simulation
-from sim_node.solver import Solver
+from sim_node.solver import ENGINES, Solver
 from sim_node.terrain import parse_terrain
 from snca_ros.cell.nca import Architecture
 from snca_ros.evolution.locomotion import EPISODE, TRANSIENT
@@ -29,6 +29,7 @@ class RunConfig:
         population, sigma: of the evolution strategy.
         duration, transient: of an episode [s], and what its score ignores at the start [s].
         material, solver: of the simulation.
+        engine: one of `sim_node.solver.ENGINES`, in which episodes are scored.
 
     Raises:
         InvalidInput: a value is off.
@@ -45,6 +46,7 @@ class RunConfig:
     transient: float = TRANSIENT
     material: Material = field(default_factory=Material)
     solver: Solver = field(default_factory=Solver)
+    engine: str = 'pymunk'
 
     def __post_init__(self) -> None:
         parse_morphology(self.shape)
@@ -55,17 +57,29 @@ class RunConfig:
         _check('sigma', self.sigma, (int, float), 0.0, 100.0)
         _check('duration', self.duration, (int, float), 0.1, 3600.0)
         _check('transient', self.transient, (int, float), 0.0, self.duration)
+        if self.engine not in ENGINES:
+            expected = f'one of {", ".join(ENGINES)}' + near_miss(str(self.engine), ENGINES)
+            raise InvalidInput('engine', self.engine, expected)
+        if self.engine == 'batched' and self.solver.self_collision:
+            expected = 'false with the batched engine; the pymunk engine has self-collision'
+            raise InvalidInput('solver.self_collision', True, expected)
 
     def simulation(self) -> Simulation:
         """Return the simulation of an episode."""
         return Simulation(
-            self.shape, self.terrain, material=self.material, solver=self.solver
+            self.shape, self.terrain,
+            material=self.material, solver=self.solver, engine=self.engine,
         )
 
     @property
     def n_parameters(self) -> int:
         """Return the length of a candidate."""
         return self.architecture.n_parameters(parse_morphology(self.shape).n_voxels)
+
+    @property
+    def n_elite(self) -> int:
+        """Return how many of the best are parents, and are scored in pymunk at the end."""
+        return self.population // 4
 
     def to_yaml(self) -> str:
         """Return the text of config.yaml."""

@@ -5,12 +5,15 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Callable
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from sim_node.morphology import SHAPES
+from sim_node.solver import ENGINES
 from snca_ros.cell.nca import ARCHITECTURES, NEURON_MODELS, Architecture
 from snca_ros.evolution.checkpoint import Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
@@ -20,8 +23,13 @@ from snca_ros.evolution.workers import WorkerPool
 INTERRUPTED = 130
 
 
-def evolve(folder: RunFolder, n_workers: int, report=lambda progress: None) -> Progress:
+def evolve(
+    folder: RunFolder, n_workers: int, report: Callable[[Progress], None] = lambda progress: None
+) -> Progress:
     """Run, or go on with, the run of `folder` until its evaluations are spent.
+
+    A run in another engine than pymunk ends with one episode in pymunk for each of its best
+    quarter; the best of these is what best.npz holds.
 
     Args:
         folder: the run; after every generation its files are up to date.
@@ -36,8 +44,21 @@ def evolve(folder: RunFolder, n_workers: int, report=lambda progress: None) -> P
     progress = folder.load()
     if progress.history:
         strategy.restore(progress.strategy)
-    if progress.evaluations >= config.evaluations:
-        return progress
+    if progress.evaluations < config.evaluations:
+        progress = _spend(folder, strategy, progress, n_workers, report)
+    if config.engine != 'pymunk' and not len(progress.reassessed):
+        best = progress.strategy['individuals'][: config.n_elite]
+        with WorkerPool(replace(config, engine='pymunk'), n_workers) as pool:
+            progress = replace(progress, reassessed=np.array(list(pool.evaluate(best))))
+        folder.save(progress)
+    return progress
+
+
+def _spend(
+    folder: RunFolder, strategy: SimpleEvolutionStrategy, progress: Progress,
+    n_workers: int, report: Callable[[Progress], None],
+) -> Progress:
+    config = folder.config
     with WorkerPool(config, n_workers) as pool:
         while progress.evaluations < config.evaluations:
             candidates = strategy.ask()[: config.evaluations - progress.evaluations]
@@ -108,6 +129,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     new.add_argument('--seed', type=int, help='of all random numbers (default 0)')
     new.add_argument('--population', type=int, help='individuals per generation (default 36)')
     new.add_argument('--sigma', type=float, help='spread of the children (default 0.35)')
+    new.add_argument('--engine', help=f'{", ".join(ENGINES)}: what scores (default pymunk)')
     new.add_argument('--duration', type=float, help='seconds of an episode (default 30)')
     new.add_argument('--transient', type=float, help='seconds not scored (default 5)')
     parser.add_argument('--run', type=Path, help='run folder (default runs/<what it is>)')
@@ -118,7 +140,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 _OF_THE_CELL = ('n_c', 'hidden', 'as_printed')
 _OF_THE_RUN = (
-    'terrain', 'evaluations', 'seed', 'population', 'sigma', 'duration', 'transient',
+    'terrain', 'evaluations', 'seed', 'population', 'sigma', 'duration', 'transient', 'engine',
 )
 
 
@@ -145,7 +167,8 @@ def _default_folder(config: RunConfig) -> Path:
     cell = config.architecture
     printed = '-as-printed' if cell.as_printed else ''
     name = f'{config.shape}-{cell.name}-{cell.neuron_model}{printed}-{config.terrain}'
-    return Path('runs') / f'{name}-seed{config.seed}'
+    engine = '' if config.engine == 'pymunk' else f'-{config.engine}'
+    return Path('runs') / f'{name}{engine}-seed{config.seed}'
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
@@ -180,9 +203,11 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         return 1
     finally:
         folder.close()
+    _, chosen_by, v_x = progress.chosen(folder.config.engine)
+    scores = ', '.join(f'{v:.4f} m/s in {engine}' for engine, v in v_x.items())
     print(
-        f'{folder.path / "best.npz"}: v_x {progress.history[-1][-1]:.4f} m/s in the one '
-        f'episode that scored it, {progress.evaluations} evaluations'
+        f'{folder.path / "best.npz"}: v_x {scores}, in the one episode that scored it '
+        f'(chosen by {chosen_by}), {progress.evaluations} evaluations'
     )
     return 0
 
@@ -192,5 +217,5 @@ def _described(config: RunConfig) -> str:
     return (
         f'{config.shape} on {config.terrain}, {cell.name} {cell.neuron_model}'
         f'{" as printed" if cell.as_printed else ""}, layers {cell.layer_sizes}, '
-        f'{config.n_parameters} parameters, seed {config.seed}'
+        f'{config.n_parameters} parameters, seed {config.seed}, {config.engine} engine'
     )
