@@ -23,7 +23,7 @@ from sim_node.material import Material
 from sim_node.morphology import parse_morphology
 from sim_node.ros import RosNode, run_nodes
 from sim_node.simulation import Diverged, Simulation
-from sim_node.solver import Solver
+from sim_node.solver import ENGINES, Solver
 from sim_node.stamps import CONTROL_RATE, stamp_of_step
 
 _MARKER_PERIOD = 2  # control steps: 30 Hz of simulated time
@@ -77,7 +77,7 @@ class SimNode(RosNode):
         p = self.parameter
         shape = p('morphology', 'biped', 'shape name or grid, e.g. biped, comb-7x2, 1111-1001')
         terrain = p('terrain', 'flat', 'flat | hilly-h-w-seed | steppy-h-w-seed | uphill-a | ...')
-        p('engine', 'pymunk', 'physics engine: pymunk')
+        engine = p('engine', ENGINES[0], f'physics engine: {" | ".join(ENGINES)}')
         constants = {
             f.name: p(
                 f'material.{f.name}', f.default,
@@ -95,12 +95,10 @@ class SimNode(RosNode):
         )
         noise = p('sensor_noise', 0.0, 'standard deviation of noise on readings', 0.0, 10.0)
         seed = p('seed', 0, 'of the sensor noise', 0, 2**31 - 1)
-        if self.get_parameter('engine').value != 'pymunk':
-            raise InvalidInput('engine', self.get_parameter('engine').value, 'pymunk')
         try:
             return Simulation(
                 parse_morphology(shape), terrain, material=Material(**constants),
-                solver=solver, sensor_noise=noise, seed=seed,
+                solver=solver, sensor_noise=noise, seed=seed, engine=engine,
             )
         except InvalidInput as error:
             raise error.found_in(self._where()) from None

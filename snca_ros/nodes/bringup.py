@@ -65,6 +65,7 @@ class WalkOptions:
 
     robot: str = ''
     terrain: str = ''
+    engine: str = ''
     duration: float = 30.0
     voxels_per_process: int = 1
     bag: str = ''
@@ -128,6 +129,7 @@ def _simulation_parameters(
     return {
         'morphology': trained.morphology.grid_string,
         'terrain': options.terrain or trained.terrain,
+        'engine': options.engine or trained.chosen_by,
         'duration': float(options.duration),
         'recorders': 1 if options.bag else 0,
         **{f'material.{k}': v for k, v in vars(trained.material).items()},

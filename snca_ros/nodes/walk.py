@@ -16,6 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 from sim_node.errors import InvalidInput
 from sim_node.morphology import parse_morphology
 from sim_node.simulation import Simulation
+from sim_node.solver import ENGINES
 from sim_node.stamps import CONTROL_RATE
 from snca_ros.box import DEFAULT_CONTROLLER, find_controller, graph_environment
 from snca_ros.controller_file import TrainedController, load_controller
@@ -36,6 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--duration', type=float, default=30.0,
                         help='simulated seconds to walk (default 30)')
     parser.add_argument('--terrain', default='', help='default: the one it was evolved on')
+    parser.add_argument('--engine', default='', choices=['', *ENGINES], metavar='ENGINE',
+                        help=f'{", ".join(ENGINES)} (default: the one that chose the controller)')
     parser.add_argument('--shape', help='refuse a controller of another shape than this')
     parser.add_argument('--robot', default='', help='namespace (default: the shape)')
     parser.add_argument('--voxels-per-process', type=int, default=1, metavar='K')
@@ -52,13 +55,16 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         raise InvalidInput('duration', args.duration, 'seconds from 0 to 100000')
     _check_shape(path, trained, args.shape)
     # Also checks all names and compiles the cells before ten processes need them.
-    offline = _offline_centers(trained, args.terrain or trained.terrain, args.duration)
+    engine = args.engine or trained.chosen_by
+    offline = _offline_centers(
+        trained, args.terrain or trained.terrain, engine, args.duration
+    )
     robot = args.robot or robot_name(trained.morphology)
     bag = args.bag or Path('bags') / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'
     if bag.exists() and not args.no_bag:
         raise InvalidInput('bag', str(bag), 'a folder that does not exist yet')
     options = WalkOptions(
-        robot, args.terrain, args.duration, args.voxels_per_process,
+        robot, args.terrain, engine, args.duration, args.voxels_per_process,
         bag='' if args.no_bag else str(bag), storage=args.storage,
     )
     code = _walk(describe_graph(path, trained, options), args.duration)
@@ -72,9 +78,12 @@ def _check_shape(path: Path, trained: TrainedController, shape: str | None) -> N
         raise InvalidInput('morphology', trained.morphology.grid_string, shape, str(path))
 
 
-def _offline_centers(trained: TrainedController, terrain: str, duration: float) -> np.ndarray:
+def _offline_centers(
+    trained: TrainedController, terrain: str, engine: str, duration: float
+) -> np.ndarray:
     simulation = Simulation(
-        trained.morphology, terrain, material=trained.material, solver=trained.solver
+        trained.morphology, terrain,
+        material=trained.material, solver=trained.solver, engine=engine,
     )
     return run_episode(simulation, trained.controller(), duration).centers
 

@@ -102,7 +102,8 @@ def shoot(trained: TrainedController, terrain: str, moments: np.ndarray) -> Film
         InvalidInput: the terrain is unknown, or the physics diverges with this controller.
     """
     simulation = Simulation(
-        trained.morphology, terrain, material=trained.material, solver=trained.solver
+        trained.morphology, terrain,
+        material=trained.material, solver=trained.solver, engine=trained.chosen_by,
     )
     controller = trained.controller()
     readings = simulation.reset()
