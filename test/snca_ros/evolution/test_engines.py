@@ -101,7 +101,7 @@ def test_group_width(n, width):
 
 
 def test_unknown_engine_and_what_the_batched_one_cannot():
-    with pytest.raises(InvalidInput, match="engine: got 'batch'.*batched"):
+    with pytest.raises(InvalidInput, match='engine'):
         replace(CONFIG, engine='batch')
     with pytest.raises(InvalidInput, match='pymunk'):
         replace(CONFIG, solver=Solver(self_collision=True))
