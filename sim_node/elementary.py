@@ -5,14 +5,12 @@ makes another episode. These are made of IEEE additions, multiplications and div
 no branch, so that loops over them vectorise.
 """
 
-import numpy as np
-
+from sim_node.batched.lanes import scale_of, select
 from sim_node.compiled import compiled_inline
 
 _LOG2_E = 1.4426950408889634
 _LN2_HIGH, _LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10  # their sum; 20 low bits clear
 _ROUND = 6755399441055744.0  # 1.5 * 2^52: adding it rounds to a whole number, in the low bits
-_ONE_BITS = 0x3FF0000000000000
 _TWO_OVER_PI = 0.6366197723675814
 _HALF_PI_HIGH, _HALF_PI_LOW = 1.57079632673412561417, 6.07710050650619224932e-11
 _SINE = (
@@ -23,6 +21,13 @@ _COSINE = (
     4.16666666666666019037e-02, -1.38888888888741095749e-03, 2.48015872894767294178e-05,
     -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.13596475577881948265e-11,
 )
+
+
+@compiled_inline
+def floor(x):
+    """Return the greatest whole number up to x, for |x| < 2^51."""
+    nearest = (x + _ROUND) - _ROUND
+    return select(nearest > x, nearest - 1.0, nearest)
 
 
 @compiled_inline
@@ -46,8 +51,7 @@ def expm1(x):
     series = series * r + 1.0 / 24.0
     series = series * r + 1.0 / 6.0
     series = series * r + 0.5
-    # 2^k: k is in the low bits of `shifted`, and the exponent in the high bits of `power`.
-    power = np.int64((np.float64(shifted).view(np.int64) << 52) + _ONE_BITS).view(np.float64)
+    power = scale_of(shifted)  # 2^k: k is in the low bits of `shifted`
     return power * (series * r * r + r) + (power - 1.0)
 
 
@@ -55,10 +59,10 @@ def expm1(x):
 def tanh(x):
     """Return the hyperbolic tangent of any x, error below 3 units in the last place."""
     magnitude = abs(x)
-    magnitude = 20.0 if magnitude > 20.0 else magnitude  # tanh(20) rounds to 1; keeps a NaN
+    magnitude = select(magnitude > 20.0, 20.0, magnitude)  # tanh(20) rounds to 1; keeps a NaN
     e = expm1(2.0 * magnitude)
     value = e / (e + 2.0)
-    return -value if x < 0.0 else value
+    return select(x < 0.0, -value, value)
 
 
 @compiled_inline

@@ -114,7 +114,9 @@ def _broadcast(builder, value, vector):
 
 @intrinsic
 def select(typing, mask, a, b):
-    """Return, lane by lane, `a` where `mask` holds and `b` elsewhere."""
+    """Return, lane by lane, `a` where `mask` holds and `b` elsewhere; numbers if `mask` is one."""
+    if not isinstance(mask, Lanes):
+        return types.float64(types.boolean, types.float64, types.float64), _select_number
     lanes = Lanes(mask.width, 'float64')
     kinds = [x if isinstance(x, Lanes) else types.float64 for x in (a, b)]
 
@@ -123,6 +125,10 @@ def select(typing, mask, a, b):
         return builder.select(args[0], a, b)
 
     return lanes(mask, *kinds), generate
+
+
+def _select_number(context, builder, signature, args):
+    return builder.select(*args)
 
 
 @intrinsic
@@ -144,6 +150,49 @@ def like(typing, lanes, value):
         return _broadcast(builder, args[1], _vector(lanes))
 
     return lanes(lanes, types.float64), generate
+
+
+@intrinsic
+def bits_of(typing, mask):
+    """Return a mask of up to 64 lanes as an integer: bit i is lane i."""
+
+    def generate(context, builder, signature, args):
+        bits = builder.bitcast(args[0], ir.IntType(mask.width))
+        return builder.zext(bits, ir.IntType(64)) if mask.width < 64 else bits
+
+    return types.int64(mask), generate
+
+
+@intrinsic
+def mask_like(typing, lanes, bits):
+    """Return the integer `bits` of `bits_of` as a mask of as many lanes as `lanes` has."""
+
+    def generate(context, builder, signature, args):
+        bits = builder.trunc(args[1], ir.IntType(lanes.width)) if lanes.width < 64 else args[1]
+        return builder.bitcast(bits, _vector(lanes.mask))
+
+    return lanes.mask(lanes, types.int64), generate
+
+
+@intrinsic
+def scale_of(typing, shifted):
+    """Return 2^k for a number, or for each lane, whose significand ends in the integer k."""
+    kind = shifted if isinstance(shifted, Lanes) else types.float64
+
+    def generate(context, builder, signature, args):
+        double = args[0].type
+        integer = ir.IntType(64)
+        if isinstance(double, ir.VectorType):
+            integer = ir.VectorType(integer, double.count)
+        shift, one = (_constant(integer, c) for c in (52, 0x3FF0000000000000))
+        bits = builder.shl(builder.bitcast(args[0], integer), shift)
+        return builder.bitcast(builder.add(bits, one), double)
+
+    return kind(kind), generate
+
+
+def _constant(kind, value):
+    return ir.Constant(kind, [value] * kind.count if isinstance(kind, ir.VectorType) else value)
 
 
 def _declare(function: Any, emit: Any, *, masks: bool = False, compares: bool = False) -> None:

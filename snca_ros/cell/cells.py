@@ -159,7 +159,7 @@ class Cells:
             v=np.zeros((n, *layers)),
             psi=np.zeros((n, *layers)),
             theta=np.zeros((n, *layers)),
-            last_spike=np.zeros((n, N_SENSORS), dtype=np.int64),
+            last_spike=np.zeros((n, N_SENSORS)),
             counts=np.zeros((n, ACTUATION_WINDOW), dtype=np.int64),
             age=np.zeros(n, dtype=np.int64),
             inbox=np.zeros((n, len(DIRECTIONS), architecture.n_c)),

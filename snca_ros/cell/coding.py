@@ -5,7 +5,9 @@ A spike train of one control step is an integer: bit h is set if SNN step h has 
 
 import numpy as np
 
+from sim_node.batched.lanes import select
 from sim_node.compiled import compiled_inline
+from sim_node.elementary import floor
 from sim_node.stamps import CONTROL_RATE
 
 SNN_STEPS = 16
@@ -20,30 +22,45 @@ F_MIN, F_MAX = 5.0, 50.0
 ACTUATION_WINDOW = 5
 """Control steps over which output spikes are counted (paper: n_w)."""
 
-NEVER = -1
+NEVER = -1.0
 """Value of `last_spike` before the first spike."""
+
+
+@compiled_inline
+def spike_period(reading):
+    """Return the SNN steps between the spikes that code r: floor(f_h / f).
+
+    f = r (f_max - f_min) + f_min (paper, Eq. 4); of a number or of lanes.
+    """
+    return floor(SNN_RATE / (reading * (F_MAX - F_MIN) + F_MIN))
+
+
+@compiled_inline
+def next_spike(period, last_spike, first_step):
+    """Return the SNN step, `first_step` or later, on which a spike is due next.
+
+    A spike falls on every step h for which h - h_last is a positive multiple of the period; the
+    first one at once. Numbers or lanes: steps and periods are whole, so that all of it is exact.
+    """
+    elapsed = max(first_step - last_spike, 1.0)
+    due = last_spike + floor((elapsed + period - 1.0) / period) * period
+    return select(last_spike == NEVER, first_step, due)
 
 
 @compiled_inline
 def encode(reading, last_spike, first_step):
     """Return the spike train of one reading and the SNN step of its newest spike.
 
-    A spike falls on every step h for which h - h_last is a positive multiple of
-    floor(f_h / f), f = r (f_max - f_min) + f_min (paper, Eq. 4); the first one at once.
-
     Args:
         reading: r in [0, 1].
         last_spike: SNN step h_last of the newest spike, or NEVER.
         first_step: the SNN step of the train's bit 0.
     """
-    period = int(SNN_RATE / (reading * (F_MAX - F_MIN) + F_MIN))
-    due = first_step
-    if last_spike != NEVER:
-        elapsed = max(first_step - last_spike, 1)
-        due = last_spike + (elapsed + period - 1) // period * period
+    period = spike_period(reading)
+    due = next_spike(period, last_spike, float(first_step))
     train = 0
     while due < first_step + SNN_STEPS:
-        train |= 1 << (due - first_step)
+        train |= 1 << int(due - first_step)
         last_spike = due
         due += period
     return train, last_spike
@@ -71,20 +88,30 @@ def unpack_trains(trains: np.ndarray) -> np.ndarray:
 
 
 @compiled_inline
-def decode(counts, cell, age):
-    """Return the actuation in [-1, 1] from the spikes of the last control steps.
+def actuation_of(n_spikes, age):
+    """Return the actuation in [-1, 1] that spikes in the window mean, a number or lanes.
 
     a = 2 n / (f_max T) - 1, clipped; n spikes in the window of duration T (paper, Eq. 5, with
     the unit mended as in the authors' code).
 
     Args:
+        n_spikes: in the last ACTUATION_WINDOW control steps, or in all if there were fewer.
+        age: control steps that the cell has made, this one included.
+    """
+    duration = min(age, ACTUATION_WINDOW) / CONTROL_RATE
+    a = 2.0 * (n_spikes / (F_MAX * duration)) - 1.0
+    return min(max(a, -1.0), 1.0)
+
+
+@compiled_inline
+def decode(counts, cell, age):
+    """Return the actuation in [-1, 1] from the spikes of the last control steps.
+
+    Args:
         counts: (n, ACTUATION_WINDOW) ring buffers of spikes per control step; `cell` picks one.
         age: control steps that the cell has made, this one included.
     """
-    n_steps = min(age, ACTUATION_WINDOW)
     n_spikes = 0
-    for i in range(n_steps):
+    for i in range(min(age, ACTUATION_WINDOW)):
         n_spikes += counts[cell, i]
-    duration = n_steps / CONTROL_RATE
-    a = 2.0 * (n_spikes / (F_MAX * duration)) - 1.0
-    return min(max(a, -1.0), 1.0)
+    return actuation_of(float(n_spikes), age)

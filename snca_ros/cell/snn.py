@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numba.cpython.unsafe.numbers import trailing_zeros
 
-from sim_node.compiled import compiled, compiled_kernel
+from sim_node.batched.lanes import select
+from sim_node.compiled import compiled, compiled_inline, compiled_kernel
 from snca_ros.cell.coding import SNN_RATE, SNN_STEPS
 from snca_ros.cell.layers import LANES, padded, synapses_by_layer
 
@@ -89,12 +90,49 @@ def propagate(cell, row, layer, pre, n, weights, synapse, trains, currents):
                 currents[h, j] += weights[row, synapse + i * n + j]
 
 
-@compiled_kernel
-def fire(lif, cell, row, layer, n, currents, ceilings, v, psi, trains):
-    """Run a layer of n LIF neurons through a control step (paper, Eq. 1 to 3).
+@compiled_inline
+def step_neuron(lif, leaked, offset, rest, current):
+    """Advance a neuron, or one in each lane, by one SNN step (paper, Eq. 1 to 3).
 
     theta = min(theta_0, ceiling) + psi; v <- v - lambda dt v + current; v >= theta: a spike,
     v <- v_rest, psi <- psi + psi_inc; else psi <- psi - lambda dt psi.
+
+    Args:
+        lif: the model's constants.
+        leaked: v - lambda dt v [mV], which the step before computes in advance, while its
+            comparison is under way.
+        offset: psi [mV].
+        rest: min(theta_0, ceiling) [mV].
+        current: [mV].
+
+    Returns:
+        Whether the neuron fired, and the new v, `leaked` and psi.
+    """
+    potential = leaked + current
+    fired = potential >= rest + offset
+    offset = offset + select(fired, lif.psi_inc, -lif.leak * offset)
+    leaked = select(fired, V_REST, potential - lif.leak * potential)  # from 0 nothing leaks
+    return fired, select(fired, V_REST, potential), leaked, offset
+
+
+@compiled_inline
+def step_neuron_as_printed(lif, leaked, offset, threshold, ceiling, current):
+    """Advance a neuron, or one in each lane, as the paper prints it.
+
+    The threshold compounds, and a spike needs v > theta. Arguments and results as of
+    `step_neuron`, and the new theta.
+    """
+    potential = leaked + current
+    threshold = min(threshold, ceiling) + offset
+    fired = potential > threshold
+    offset = offset + select(fired, lif.psi_inc, -lif.leak * offset)
+    leaked = select(fired, V_REST, potential - lif.leak * potential)
+    return fired, select(fired, V_REST, potential), leaked, offset, threshold
+
+
+@compiled_kernel
+def fire(lif, cell, row, layer, n, currents, ceilings, v, psi, trains):
+    """Run a layer of n LIF neurons through a control step (paper, Eq. 1 to 3).
 
     A neuron's state stays in registers through its SNN steps, neurons side by side in a vector.
 
@@ -109,40 +147,34 @@ def fire(lif, cell, row, layer, n, currents, ceilings, v, psi, trains):
     """
     for j in range(n):
         rest = min(THETA_0, ceilings[row, layer, j])
-        leaked = v[cell, layer, j] - lif.leak * v[cell, layer, j]
-        offset = psi[cell, layer, j]
+        potential, offset = v[cell, layer, j], psi[cell, layer, j]
+        leaked = potential - lif.leak * potential
         train = 0
         for h in range(SNN_STEPS):
-            potential = leaked + currents[h, j]
-            fired = potential >= rest + offset
-            offset = offset + lif.psi_inc if fired else offset - lif.leak * offset
-            # The next step's leak in advance, while this step's comparison is under way.
-            leaked = V_REST - lif.leak * V_REST if fired else potential - lif.leak * potential
+            fired, potential, leaked, offset = step_neuron(
+                lif, leaked, offset, rest, currents[h, j]
+            )
             train |= 1 << h if fired else 0
-        v[cell, layer, j] = V_REST if fired else potential
-        psi[cell, layer, j] = offset
+        v[cell, layer, j], psi[cell, layer, j] = potential, offset
         trains[cell, layer, j] = train
 
 
 @compiled_kernel
 def fire_as_printed(lif, cell, row, layer, n, currents, ceilings, v, psi, theta, trains):
-    """Run a layer as the paper prints it: the threshold compounds, a spike needs v > theta.
+    """Run a layer as the paper prints it.
 
     Arguments as of `fire`; theta: (n_cells, n_layers, widest) thresholds [mV], written.
     """
     for j in range(n):
         threshold = theta[cell, layer, j]
         potential, offset = v[cell, layer, j], psi[cell, layer, j]
+        leaked = potential - lif.leak * potential
         train = 0
         for h in range(SNN_STEPS):
-            threshold = min(threshold, ceilings[row, layer, j]) + offset
-            potential = potential - lif.leak * potential + currents[h, j]
-            if potential > threshold:
-                potential = V_REST
-                offset += lif.psi_inc
-                train |= 1 << h
-            else:
-                offset -= lif.leak * offset
+            fired, potential, leaked, offset, threshold = step_neuron_as_printed(
+                lif, leaked, offset, threshold, ceilings[row, layer, j], currents[h, j]
+            )
+            train |= 1 << h if fired else 0
         theta[cell, layer, j] = threshold
         v[cell, layer, j], psi[cell, layer, j] = potential, offset
         trains[cell, layer, j] = train
