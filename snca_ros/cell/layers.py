@@ -6,9 +6,9 @@ LANES = 8
 """Rows of neurons are padded to a multiple of this; padding has no weight and never fires."""
 
 
-def padded(n: int) -> int:
-    """Return `n` neurons rounded up to whole vectors."""
-    return -(-n // LANES) * LANES
+def padded(n: int, multiple: int = LANES) -> int:
+    """Return `n` neurons rounded up to a multiple, by default to whole vectors."""
+    return -(-n // multiple) * multiple
 
 
 def n_synapses(sizes: tuple[int, ...], bias: bool) -> int:
@@ -28,8 +28,12 @@ def synapses_by_layer(
     return layers
 
 
-def pad_synapses(sizes: tuple[int, ...], weights: np.ndarray, bias: bool) -> np.ndarray:
+def pad_synapses(
+    sizes: tuple[int, ...], weights: np.ndarray, bias: bool, multiple: int = LANES
+) -> np.ndarray:
     """Return `weights`, layer by layer, presynaptic index slow, with every row padded by zeros."""
-    layers = synapses_by_layer(sizes, weights, bias)
-    rows = [np.pad(w, ((0, 0), (0, padded(w.shape[1]) - w.shape[1]))) for w in layers]
+    rows = [
+        np.pad(w, ((0, 0), (0, padded(w.shape[1], multiple) - w.shape[1])))
+        for w in synapses_by_layer(sizes, weights, bias)
+    ]
     return np.concatenate([row.ravel() for row in rows])

@@ -1,0 +1,145 @@
+"""Cells in lanes are the cells one by one, to the bit, whatever their lane and companions."""
+
+import numpy as np
+import pytest
+
+from sim_node.batched.lanes import zeros
+from sim_node.errors import InvalidInput
+from sim_node.morphology import parse_morphology
+from snca_ros.cell.group import MAX_WIDTH, CellGroup, step_group
+from snca_ros.cell.layers import padded
+from snca_ros.cell.nca import ARCHITECTURES, NEURON_MODELS, Architecture
+from snca_ros.cell.snn_lanes import PAIR
+from snca_ros.controller import Controller
+
+SHAPE = parse_morphology('111-101')
+N = SHAPE.n_voxels
+
+
+def draw_readings(rng, n_steps, width):
+    """Return (n_steps, n_voxels, 4, W) readings in [0, 1]: some still, some noise, some at ends."""
+    readings = rng.uniform(0.0, 1.0, (n_steps, N, 4, width))
+    readings[:, :, 0] = readings[0, :, 0]
+    readings[:, :, 1] = np.round(readings[:, :, 1])
+    return readings
+
+
+def run_group(group, readings):
+    """Return the (n_steps, n_voxels, W) actuations of a group on `readings`."""
+    width = readings.shape[3]
+    sensed, actuation = zeros((N, 4), width), zeros((N, 1), width)
+    actuations = np.empty((len(readings), N, width))
+    for k, now in enumerate(readings):
+        sensed['lane'][:] = now
+        step_group(group.state, sensed, k, actuation)
+        actuations[k] = actuation['lane'][:, 0]
+    return actuations
+
+
+def of_layers(architecture, rows):
+    """Return (n, n_neurons) without padding, of a group's or a cell's (n, ...) rows."""
+    sizes = architecture.layer_sizes
+    if rows.ndim == 3:
+        return np.concatenate([rows[:, i, :n] for i, n in enumerate(sizes)], axis=1)
+    starts = np.cumsum([0, *(padded(n, PAIR) for n in sizes)])
+    return np.concatenate([rows[:, s : s + n] for s, n in zip(starts, sizes, strict=False)], axis=1)
+
+
+def check(architecture, width, n_steps=300, scale=1.0):
+    """Compare a group of `width` robots with as many controllers, step by step and bit by bit."""
+    rng = np.random.default_rng(0)
+    thetas = rng.uniform(-scale, scale, (width, architecture.n_parameters(N)))
+    readings = draw_readings(rng, n_steps, width)
+    group = CellGroup(architecture, SHAPE, thetas, width)
+    state = group.state
+    actuations = run_group(group, readings)
+    spoken = 0
+    for lane, theta in enumerate(thetas):
+        controller = Controller(architecture, SHAPE, theta)
+        alone = np.array([controller.step(now) for now in readings[..., lane]])
+        np.testing.assert_array_equal(actuations[..., lane], alone)
+        one = controller.cells.state
+        sent = one.outbox.reshape(N, -1)
+        if architecture.spiking:
+            bits = state.sent_trains >> lane & 1
+            np.testing.assert_array_equal(bits @ (1 << np.arange(16)), sent)
+            for name in ('v', 'psi', 'theta'):
+                if name != 'theta' or architecture.as_printed:
+                    lanes = of_layers(architecture, getattr(state, name)['lane'][..., lane])
+                    expected = of_layers(architecture, getattr(one, name))
+                    np.testing.assert_array_equal(lanes, expected, err_msg=name)
+            np.testing.assert_array_equal(state.last_spike['lane'][..., lane], one.last_spike)
+        else:
+            np.testing.assert_array_equal(state.sent_values['lane'][..., lane], sent)
+        spoken += np.count_nonzero(sent)
+    assert spoken > 0
+
+
+@pytest.mark.parametrize('width', [1, 4, 16])
+@pytest.mark.parametrize('model', NEURON_MODELS)
+@pytest.mark.parametrize('name', ARCHITECTURES)
+def test_lanes_are_cells_one_by_one(name, model, width):
+    check(Architecture.named(name, model), width)
+
+
+@pytest.mark.parametrize('model', NEURON_MODELS)
+@pytest.mark.parametrize('hidden', [(), (1,), (7,), (5, 3), (30, 9, 11)])
+def test_other_layers(model, hidden):
+    check(Architecture.named('nU-D', model, n_c=2, hidden=hidden), 4, n_steps=100, scale=3.0)
+
+
+@pytest.mark.parametrize('model', ['snn', 'snn-h'])
+def test_as_printed(model):
+    check(Architecture.named('U-D', model, as_printed=True), 4)
+
+
+@pytest.mark.parametrize(('name', 'model'), [('U-nD', 'snn-h'), ('nU-D', 'mlp')])
+def test_lanes_do_not_matter(name, model):
+    architecture = Architecture.named(name, model)
+    rng = np.random.default_rng(1)
+    thetas = rng.uniform(-1.0, 1.0, (4, architecture.n_parameters(N)))
+    readings = draw_readings(rng, 200, 4)
+    together = run_group(CellGroup(architecture, SHAPE, thetas, 4), readings)
+    order = np.array([2, 0, 3, 1])
+    shuffled = run_group(CellGroup(architecture, SHAPE, thetas[order], 4), readings[..., order])
+    np.testing.assert_array_equal(shuffled, together[..., order])
+    few = run_group(CellGroup(architecture, SHAPE, thetas[:2], 16), np.tile(readings, 4))
+    np.testing.assert_array_equal(few[..., :2], together[..., :2])
+    for lane in range(4):
+        own = thetas[lane : lane + 1], readings[..., lane : lane + 1]
+        alone = run_group(CellGroup(architecture, SHAPE, own[0], 1), own[1])
+        np.testing.assert_array_equal(alone[..., 0], together[..., lane])
+
+
+def test_a_lost_robot_does_not_disturb_the_others():
+    architecture = Architecture.named('U-nD', 'snn-h')
+    rng = np.random.default_rng(2)
+    thetas = rng.uniform(-1.0, 1.0, (4, architecture.n_parameters(N)))
+    readings = draw_readings(rng, 100, 4)
+    sound = run_group(CellGroup(architecture, SHAPE, thetas, 4), readings)
+    readings[50:, ..., 3] = np.nan
+    disturbed = run_group(CellGroup(architecture, SHAPE, thetas, 4), readings)
+    np.testing.assert_array_equal(disturbed[..., :3], sound[..., :3])
+
+
+@pytest.mark.parametrize('model', NEURON_MODELS)
+def test_reset_forgets_everything(model):
+    architecture = Architecture.named('U-nD', model)
+    rng = np.random.default_rng(3)
+    thetas = rng.uniform(-1.0, 1.0, (4, architecture.n_parameters(N)))
+    readings = draw_readings(rng, 50, 4)
+    group = CellGroup(architecture, SHAPE, thetas, 4)
+    first = run_group(group, readings)
+    group.reset()
+    np.testing.assert_array_equal(run_group(group, readings), first)
+
+
+@pytest.mark.parametrize(
+    ('shape', 'width'), [((5, 500), 4), ((1, 499), 4), ((500,), 4), ((1, 500), MAX_WIDTH + 1)]
+)
+def test_refuses(shape, width):
+    architecture = Architecture.named('U-nD', 'snn-h')
+    with pytest.raises(InvalidInput):
+        CellGroup(architecture, SHAPE, np.zeros(shape), width)
+    with pytest.raises(InvalidInput, match='finite'):
+        CellGroup(architecture, SHAPE, np.full((1, 500), np.nan), 4)
