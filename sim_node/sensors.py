@@ -18,13 +18,19 @@ N_SENSORS = len(SENSORS)
 TOUCH_WINDOW, VELOCITY_WINDOW = 15, 30
 """Control steps over which touch (0.25 s) and velocity (0.5 s) are averaged at 60 Hz."""
 
-_AREA_LOW, _AREA_HIGH = 0.5, 1.5
-_SPEED = 8.0
+AREA_LOW, AREA_HIGH = 0.5, 1.5
+"""Area, relative to rest, that is mapped softly to [0, 1]."""
+
+SPEED = 8.0
+"""Speed [m/s] whose range, to and fro, is mapped softly to [0, 1]."""
 
 
 @compiled_inline
 def soft_normalise(value, low, high):
-    """Map [low, high] softly to [0, 1] (2D-VSR-Sim): tanh((2 u - 1) 2) / 2 + 1/2, u linear."""
+    """Map [low, high] softly to [0, 1] (2D-VSR-Sim): tanh((2 u - 1) 2) / 2 + 1/2, u linear.
+
+    A number or lanes.
+    """
     u = (value - low) / (high - low)
     return tanh((2.0 * u - 1.0) * 2.0) / 2.0 + 0.5
 
@@ -113,8 +119,8 @@ def normalise(readings):
     """Turn all voxels' measures, (4 n_voxels,), into readings in [0, 1], in place."""
     for i in range(readings.shape[0]):  # no branch: it vectorises
         sensor, value = i & 3, readings[i]
-        low = _AREA_LOW if sensor == 0 else -_SPEED
-        high = _AREA_HIGH if sensor == 0 else _SPEED
+        low = AREA_LOW if sensor == 0 else -SPEED
+        high = AREA_HIGH if sensor == 0 else SPEED
         readings[i] = value if sensor == 1 else soft_normalise(value, low, high)
 
 

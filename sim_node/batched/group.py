@@ -93,7 +93,6 @@ class Group(NamedTuple):
     reading_lanes: np.ndarray  # (n_voxels, 4, W) the floats of `readings`
     actuation_lanes: np.ndarray  # (n_voxels, 1, W) the floats of `actuation`
     sane_lanes: np.ndarray  # (1, 1, W) the floats of `sane`
-    scratch: np.ndarray  # (W * n_voxels * 4,) robot by robot
 
 
 N_CONTACT_FIELDS = 7 + 2 * 10
@@ -174,7 +173,6 @@ def make_group(
         reading_lanes=readings['lane'],
         actuation_lanes=actuation['lane'],
         sane_lanes=sane['lane'],
-        scratch=np.zeros(width * n_voxels * N_SENSORS),
     )
     put_down(group, body)
     return group

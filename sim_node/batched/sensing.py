@@ -5,7 +5,15 @@ import math
 from sim_node.batched.group import COS, SIN, STAMP, VX, VY, X, Y
 from sim_node.batched.lanes import like, load, select, store
 from sim_node.compiled import compiled, compiled_inline
-from sim_node.sensors import N_SENSORS, TOUCH_WINDOW, VELOCITY_WINDOW, normalise
+from sim_node.sensors import (
+    AREA_HIGH,
+    AREA_LOW,
+    N_SENSORS,
+    SPEED,
+    TOUCH_WINDOW,
+    VELOCITY_WINDOW,
+    soft_normalise,
+)
 
 MAX_AREA_RATIO = 100.0
 """A voxel larger than this, relative to rest, has left all bounds."""
@@ -29,13 +37,13 @@ def sense(group, step):
         newest = i * VELOCITY_WINDOW + step % VELOCITY_WINDOW
         store(group.velocities, newest, 0, along)
         store(group.velocities, newest, 1, across)
-        store(group.readings, i, 0, area)
+        store(group.readings, i, 0, soft_normalise(area, AREA_LOW, AREA_HIGH))
         n = min(step + 1, TOUCH_WINDOW)
         store(group.readings, i, 1, _sum(group.touches, i * TOUCH_WINDOW, n, 0) / n)
         n = min(step + 1, VELOCITY_WINDOW)
-        store(group.readings, i, 2, _sum(group.velocities, i * VELOCITY_WINDOW, n, 0) / n)
-        store(group.readings, i, 3, _sum(group.velocities, i * VELOCITY_WINDOW, n, 1) / n)
-    _normalise(group)
+        for axis in range(2):
+            mean = _sum(group.velocities, i * VELOCITY_WINDOW, n, axis) / n
+            store(group.readings, i, 2 + axis, soft_normalise(mean, -SPEED, SPEED))
     for i in range(group.area_ratios.shape[0]):
         for sensor in range(N_SENSORS):
             sane = select(load(group.readings, i, sensor) <= 1.0, sane, 0.0)
@@ -101,22 +109,6 @@ def _sum(windows, first, n, field):
     return total
 
 
-@compiled_inline
-def _normalise(group):
-    """Turn measures into readings in [0, 1] by the one function that does it in every engine."""
-    lanes, scratch = group.reading_lanes, group.scratch
-    n = lanes.shape[0]
-    for lane in range(lanes.shape[2]):
-        for i in range(n):
-            for sensor in range(N_SENSORS):
-                scratch[(lane * n + i) * N_SENSORS + sensor] = lanes[i, sensor, lane]
-    normalise(scratch)
-    for lane in range(lanes.shape[2]):
-        for i in range(n):
-            for sensor in range(N_SENSORS):
-                lanes[i, sensor, lane] = scratch[(lane * n + i) * N_SENSORS + sensor]
-
-
 @compiled
 def write_centers(group, centers):
     """Write the robots' centres of mass, (2, W) [m]."""
@@ -127,7 +119,6 @@ def write_centers(group, centers):
             for i in range(n):
                 total += group.mass_lanes[i, axis, lane]
             centers[axis, lane] = total / n
-
 
 
 @compiled
