@@ -82,7 +82,7 @@ def sine_cosine(angle):
     cosine = w + (((1.0 - w) - 0.5 * z) + z * z * p)
     quarter = quarters - 4.0 * ((quarters * 0.25 + _ROUND) - _ROUND)  # -2, -1, 0, 1 or 2
     odd = abs(quarter) == 1.0
-    s, c = cosine if odd else sine, sine if odd else cosine
-    s = -s if quarter < 0.0 or quarter == 2.0 else s
-    c = -c if quarter == 1.0 or abs(quarter) == 2.0 else c
+    s, c = select(odd, cosine, sine), select(odd, sine, cosine)
+    s = select((quarter < 0.0) | (quarter == 2.0), -s, s)
+    c = select((quarter == 1.0) | (abs(quarter) == 2.0), -c, c)
     return s, c

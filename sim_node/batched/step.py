@@ -8,7 +8,6 @@ starting after Catto, "Iterative dynamics with temporal coherence" (2005).
 import numpy as np
 
 from sim_node.batched.contacts import apply_contacts_of_last_step, find_contacts, push_contacts
-from sim_node.batched.elementary import sine_cosine
 from sim_node.batched.group import (
     ANGLE,
     BIAS_SPIN,
@@ -29,6 +28,7 @@ from sim_node.batched.joints import apply_joints_of_last_step, limit, prepare_jo
 from sim_node.batched.lanes import load, store
 from sim_node.batched.springs import damp, get_velocity, set_velocity, stretch_springs
 from sim_node.compiled import compiled
+from sim_node.elementary import sine_cosine
 
 _SPRING_ENDS = np.array(ENDS[:N_SPRINGS])
 _LIMIT_ENDS = np.array(ENDS[N_SPRINGS:])

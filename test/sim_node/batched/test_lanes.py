@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from sim_node.batched.elementary import decay, sine_cosine
+from sim_node.batched.elementary import decay
 from sim_node.batched.lanes import any_lane, like, load, select, store, zeros
 from sim_node.compiled import compiled
+from sim_node.elementary import sine_cosine
 
 
 @compiled
