@@ -6,9 +6,18 @@ import numpy as np
 import pytest
 
 from sim_node.batched.elementary import decay
-from sim_node.batched.lanes import any_lane, like, load, select, store, zeros
+from sim_node.batched.lanes import (
+    any_lane,
+    bits_of,
+    like,
+    load,
+    mask_like,
+    select,
+    store,
+    zeros,
+)
 from sim_node.compiled import compiled
-from sim_node.elementary import sine_cosine
+from sim_node.elementary import floor, sine_cosine, tanh
 
 
 @compiled
@@ -67,3 +76,51 @@ def test_decay(halvings):
     exact = -np.expm1(-xs['lane'].astype(np.longdouble))
     _decay(xs, halvings)
     np.testing.assert_allclose(xs['lane'], exact.astype(float), rtol=1e-15, atol=0.0)
+
+
+@compiled
+def _masks(a, bits):
+    for i in range(a.shape[0]):
+        x = load(a, i, 0)
+        bits[i] = bits_of(x > 0.0)
+        store(a, i, 1, select(mask_like(x, bits[i]), 1.0, 0.0))
+
+
+@pytest.mark.parametrize('width', [1, 4, 16, 64])
+def test_masks_are_integers_with_a_bit_per_lane(width):
+    array, bits = zeros((50, 2), width), np.zeros(50, dtype=np.int64)
+    floats = array['lane']
+    floats[:] = np.random.default_rng(3).normal(0.0, 1.0, floats.shape)
+    _masks(array, bits)
+    positive = floats[:, 0] > 0.0
+    np.testing.assert_array_equal(bits[:, None] >> np.arange(width) & 1, positive)
+    np.testing.assert_array_equal(floats[:, 1], positive)
+
+
+@compiled
+def _of_lanes(a):
+    for i in range(a.shape[0]):
+        x = load(a, i, 0)
+        s, c = sine_cosine(x)
+        for field, value in enumerate((tanh(x), floor(x), s, c)):
+            store(a, i, 1 + field, value)
+
+
+@compiled
+def _of_numbers(xs, results):
+    for i in range(xs.shape[0]):
+        s, c = sine_cosine(xs[i])
+        results[i] = tanh(xs[i]), floor(xs[i]), s, c
+
+
+def test_a_function_of_lanes_is_that_of_numbers():
+    array = zeros((500, 5), 8)
+    floats = array['lane']
+    floats[:, 0] = np.random.default_rng(4).normal(0.0, 10.0, (500, 8))
+    floats[:4, 0] = np.array([0.0, -0.0, 7.0, -7.0])[:, None]
+    _of_lanes(array)
+    numbers = np.empty((4000, 4))
+    _of_numbers(floats[:, 0].ravel(), numbers)
+    alone = numbers.reshape(500, 8, 4).transpose(0, 2, 1)
+    np.testing.assert_array_equal(floats[:, 1:].view(np.int64), alone.copy().view(np.int64))
+    np.testing.assert_array_equal(floats[:, 2], np.floor(floats[:, 0]))
