@@ -1,4 +1,4 @@
-"""What evolution costs beside its episodes: evaluations/s end to end, 1 and 2 workers, memory.
+"""What evolution costs beside its episodes: evaluations/s end to end, both engines, memory.
 
     python -m benchmarks.evolution [--quick] [--json FILE]
 
@@ -21,10 +21,10 @@ from snca_ros.evolution.evolve import evolve
 from snca_ros.evolution.workers import Evaluator, WorkerPool
 
 
-def config_of(evaluations: int, duration: float) -> RunConfig:
+def config_of(evaluations: int, duration: float, engine: str = 'pymunk') -> RunConfig:
     """Return a run of the biped SNCA that spends so many episodes of so many seconds."""
     return RunConfig(
-        'biped', Architecture.named('U-nD', 'snn-h'),
+        'biped', Architecture.named('U-nD', 'snn-h'), engine=engine,
         evaluations=evaluations, duration=duration, transient=duration / 6.0,
     )
 
@@ -39,10 +39,9 @@ def episodes_alone(config: RunConfig) -> float:
     """Return episodes/s, one after the other in this process, of one generation's candidates."""
     evaluator = Evaluator(config)
     candidates = np.random.default_rng(0).uniform(-1.0, 1.0, (36, config.n_parameters))
-    evaluator(candidates[0])
+    evaluator(candidates[:1])
     start = time.perf_counter()
-    for theta in candidates:
-        evaluator(theta)
+    evaluator(candidates)
     return len(candidates) / (time.perf_counter() - start)
 
 
@@ -59,6 +58,7 @@ def run_evolution(config: RunConfig, n_workers: int) -> dict:
     own = cpu_seconds(resource.RUSAGE_SELF) - own
     children = cpu_seconds(resource.RUSAGE_CHILDREN) - children
     return {
+        'engine': config.engine,
         'workers': n_workers,
         # From the end of the first generation: what a long run sees.
         'evaluations_per_second': config.population * (len(times) - 1) / (times[-1] - times[0]),
@@ -89,11 +89,13 @@ def resident(pid: int) -> float:
 
 def measure(quick: bool) -> dict:
     """Measure one and two workers, in turns, and the memory of a long run."""
-    config = config_of(36 * (4 if quick else 9), 5.0 if quick else 30.0)
+    generations, duration = (4, 5.0) if quick else (9, 30.0)
+    config = config_of(36 * generations, duration)
+    batched = config_of(36 * generations * 6, duration, 'batched')
     return {
-        'duration': config.duration,
+        'duration': duration,
         'episodes_per_second': episodes_alone(config),
-        'runs': [run_evolution(config, n) for n in (1, 2)],
+        'runs': [run_evolution(*run) for run in ((config, 1), (config, 2), (batched, 2))],
         'memory': memory(1000 if quick else 10_000),
     }
 
@@ -103,14 +105,15 @@ def table(results: dict) -> str:
     alone, runs = results['episodes_per_second'], results['runs']
     lines = [
         f'Episodes of {results["duration"]:g} s, biped U-nD snn-h',
-        'workers  of episodes alone  of one worker  parent share of CPU  evaluations/s  start [s]',
+        'workers  of episodes alone  of one worker  parent share of CPU  evaluations/s  '
+        'start [s]  engine',
     ]
     for run in runs:
         rate = run['evaluations_per_second']
         lines.append(
             f'{run["workers"]:7d}{rate / alone / run["workers"]:19.3f}'
             f'{rate / runs[0]["evaluations_per_second"]:15.2f}{run["parent_share_of_cpu"]:21.4f}'
-            f'{rate:15.1f}{run["start_seconds"]:11.1f}'
+            f'{rate:15.1f}{run["start_seconds"]:11.1f}  {run["engine"]}'
         )
     first, last = results['memory'][1], results['memory'][-1]
     grown = last['megabytes'][0] - first['megabytes'][0]

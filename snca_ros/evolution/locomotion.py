@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_node.compiled import compiled
-from sim_node.simulation import Simulation, advance, center
+from sim_node.simulation import Diverged, Simulation, advance, center
 from sim_node.stamps import CONTROL_RATE
 from snca_ros.controller import Controller, step_all
 
@@ -58,6 +58,8 @@ def run_episode(
 ) -> Episode:
     """Let `controller` walk `simulation`'s robot from its start for `duration` seconds."""
     n_steps = round(duration * CONTROL_RATE)
+    if simulation.engine != 'pymunk':
+        return _step_by_step(simulation, controller, n_steps)
     simulation.reset()
     controller.reset()
     centers = np.empty((n_steps + 1, 2))
@@ -71,3 +73,17 @@ def run_episode(
     )
     simulation.step_count = controller.step_count = done
     return Episode(centers[: done + 1], diverged=done < n_steps)
+
+
+def _step_by_step(simulation: Simulation, controller: Controller, n_steps: int) -> Episode:
+    """Run an episode in any engine; `crowd` has the fast way of the batched one."""
+    readings = simulation.reset()
+    controller.reset()
+    centers = [simulation.center]
+    try:
+        for _ in range(n_steps):
+            readings = simulation.step(controller.step(readings))
+            centers.append(simulation.center)
+    except Diverged:
+        return Episode(np.array(centers), diverged=True)
+    return Episode(np.array(centers), diverged=False)
