@@ -23,6 +23,11 @@ intrinsic: Any = _intrinsic  # to a type checker: its signature is not that of i
 
 _ALIGNMENT = 64
 
+# In the names of compiled functions numba writes a record type as a number that depends on the
+# order in which a process met its types. Functions for two widths that two processes put into the
+# cache could so get one name, and a third process call one for the other. Its full name is unique.
+types.Record.mangling_args = property(lambda record: (record.name, ()))
+
 
 class Lanes(types.Type):
     """W numbers (or truth values) side by side; compiled code sees it as one value."""

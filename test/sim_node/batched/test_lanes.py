@@ -1,6 +1,8 @@
 """The vector type and the elementary functions on it, against numpy in extended precision."""
 
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -124,3 +126,17 @@ def test_a_function_of_lanes_is_that_of_numbers():
     alone = numbers.reshape(500, 8, 4).transpose(0, 2, 1)
     np.testing.assert_array_equal(floats[:, 1:].view(np.int64), alone.copy().view(np.int64))
     np.testing.assert_array_equal(floats[:, 2], np.floor(floats[:, 0]))
+
+
+def test_the_cache_tells_widths_apart():
+    name = (
+        'from numba import typeof; from numba.core.itanium_mangler import mangle_type;'
+        'from sim_node.batched.lanes import zeros; print(mangle_type(typeof(zeros((1, 1), {}))))'
+    )
+    names = [
+        subprocess.run(
+            [sys.executable, '-c', name.format(width)], check=True, capture_output=True, text=True
+        ).stdout
+        for width in (1, 4)
+    ]
+    assert names[0] != names[1]
