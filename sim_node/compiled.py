@@ -44,20 +44,34 @@ def _cached(decorate: Callable) -> Callable:
             vars(config)['CACHE_DIR'] = before
 
 
+def _compiled(function: Callable, **options: Any) -> Callable:
+    return _cached(
+        lambda: numba.njit(
+            function, cache=True, error_model='numpy', no_cfunc_wrapper=True, **options
+        )
+    )
+
+
 def compiled(function: Callable) -> Callable:
     """Compile `function` to machine code at its first call, or load it from the cache.
 
     IEEE arithmetic as written (no fast-math, no fused multiply-add), so that the same function
     gives the same bits wherever it is called from.
     """
-    return _cached(lambda: numba.njit(function, cache=True, error_model='numpy'))
+    return _compiled(function)
+
+
+def compiled_part(function: Callable) -> Callable:
+    """Compile `function` for compiled code alone; Python cannot call it.
+
+    Half the work of compiling a function of many arrays is to turn Python's values into them.
+    """
+    return _compiled(function, no_cpython_wrapper=True)
 
 
 def compiled_inline(function: Callable) -> Callable:
-    """Compile `function` into each of its callers: for small functions with large arguments."""
-    return _cached(
-        lambda: numba.njit(function, cache=True, error_model='numpy', forceinline=True)
-    )
+    """Compile a part into each of its callers: for small functions with large arguments."""
+    return _compiled(function, no_cpython_wrapper=True, forceinline=True)
 
 
 class _NoAlias(Compiler):
@@ -73,11 +87,7 @@ def compiled_kernel(function: Callable) -> Callable:
 
     It too goes into each of its callers; vector instructions do the same arithmetic.
     """
-    return _cached(
-        lambda: numba.njit(
-            function, cache=True, error_model='numpy', forceinline=True, pipeline_class=_NoAlias
-        )
-    )
+    return _compiled(function, forceinline=True, pipeline_class=_NoAlias)
 
 
 def compiled_callback(signature: Any) -> Callable:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_node import munk
-from sim_node.batched.robots import OneRobot, Robots, advance_one, one_robot
+from sim_node.batched.robots import OneRobot, Robots, one_robot
 from sim_node.body import build_body
 from sim_node.compiled import compiled
 from sim_node.errors import InvalidInput, near_miss
@@ -258,8 +258,14 @@ class Simulation:
             raise InvalidInput('actuation', actuation, expected) from None
         if values.shape != self.world.actuation.shape or not np.isfinite(values).all():
             raise InvalidInput('actuation', values.tolist(), expected)
-        go = advance_one if self.engine == 'batched' else advance
-        if not go(self.world, values, self.step_count + 1, self.draw_noise(1)[0]):
+        noise = self.draw_noise(1)[0]
+        if self.engine == 'batched':
+            self._robots.step(values[:, None])
+            add_noise(self.world.readings, noise)
+            finite = self._robots.sane[0]
+        else:
+            finite = advance(self.world, values, self.step_count + 1, noise)
+        if not finite:
             raise Diverged(f'{self.morphology.name}: not finite at step {self.step_count + 1}')
         self.step_count += 1
         return self.world.readings.copy()

@@ -30,7 +30,7 @@ from sim_node.batched.group import (
     Y,
 )
 from sim_node.batched.lanes import any_lane, like, load, select, store
-from sim_node.compiled import compiled, compiled_inline
+from sim_node.compiled import compiled_inline, compiled_part
 
 POINTS = 7, 17
 """First fields of a contact's two points, in the order in which they act."""
@@ -43,7 +43,7 @@ _PERSISTENCE = 3
 _TINY = 2.2250738585072014e-308  # keeps a division by zero finite, as in Munk2D
 
 
-@compiled
+@compiled_part
 def find_contacts(group):
     """Find all contacts at the present poses, prepare their points, and say in which order to act.
 
@@ -54,11 +54,11 @@ def find_contacts(group):
     for i in range(group.masses.shape[0]):
         for slot in range(slots):
             group.in_use[i * slots + slot] = False
-        moved = _left_box(group, i)
+        moved = _left_box(group.masses, group.boxes, group.half, i)
         met = _meet_ground(group, i, moved, now)
         if met == 0:
             continue
-        crowded = _take_turns(group, i, moved, now)
+        crowded = _take_turns(group.contacts, group.in_use, group.slots, i, moved, now)
         for turn in range(met if crowded else 1):
             for row in range(i * slots, (i + 1) * slots):
                 if group.in_use[row]:
@@ -69,29 +69,29 @@ def find_contacts(group):
 
 
 @compiled_inline
-def _left_box(group, i):
+def _left_box(masses, boxes, half, i):
     """Tell in which lanes a mass has left its box of the broad phase, and give it a new one.
 
     Munk2D meets a mass's neighbours in one order in the step in which it gets a new box, and in
     the reverse order in the steps after that (cpBBTree.c): the order in which contacts act.
     """
-    x, y = load(group.masses, i, X), load(group.masses, i, Y)
-    reach = group.half * (abs(load(group.masses, i, COS)) + abs(load(group.masses, i, SIN)))
+    x, y = load(masses, i, X), load(masses, i, Y)
+    reach = half * (abs(load(masses, i, COS)) + abs(load(masses, i, SIN)))
     left, bottom, right, top = x - reach, y - reach, x + reach, y + reach
     inside = (
-        (load(group.boxes, i, 0) <= left) & (load(group.boxes, i, 1) <= bottom)
-        & (load(group.boxes, i, 2) >= right) & (load(group.boxes, i, 3) >= top)
+        (load(boxes, i, 0) <= left) & (load(boxes, i, 1) <= bottom)
+        & (load(boxes, i, 2) >= right) & (load(boxes, i, 3) >= top)
     )
     moved = ~inside
     if any_lane(moved):
-        ahead_x = load(group.masses, i, VX) * BOX_GROWTH
-        ahead_y = load(group.masses, i, VY) * BOX_GROWTH
+        ahead_x = load(masses, i, VX) * BOX_GROWTH
+        ahead_y = load(masses, i, VY) * BOX_GROWTH
         room_x, room_y = (right - left) * BOX_GROWTH, (top - bottom) * BOX_GROWTH
         for side, new in (
             (0, left + min(-room_x, ahead_x)), (1, bottom + min(-room_y, ahead_y)),
             (2, right + max(room_x, ahead_x)), (3, top + max(room_y, ahead_y)),
         ):
-            store(group.boxes, i, side, select(moved, new, load(group.boxes, i, side)))
+            store(boxes, i, side, select(moved, new, load(boxes, i, side)))
     return moved
 
 
@@ -99,7 +99,7 @@ def _left_box(group, i):
 def _meet_ground(group, i, moved, now):
     """Find and prepare the contacts of mass i; return how many slots are in use."""
     masses, contacts, polygons = group.masses, group.contacts, group.polygons
-    first, last = _near_polygons(group, i)
+    first, last = _near_polygons(group.left_sides, group.mass_lanes[i, X], group.half)
     x, y = load(masses, i, X), load(masses, i, Y)
     c, s = load(masses, i, COS), load(masses, i, SIN)
     velocity = load(masses, i, VX), load(masses, i, VY), load(masses, i, SPIN)
@@ -173,12 +173,11 @@ def _meet_ground(group, i, moved, now):
             store(contacts, row, WARM, 0.0)
         age = now - load(contacts, row, STAMP)
         known = (load(contacts, row, POLYGON) == like(x, p)) & (age <= _PERSISTENCE)
-        _put(contacts, row, WARM, touch, select(known & (age == 1.0), 1.0, 0.0))
-        _put(contacts, row, POLYGON, touch, like(x, p))
-        _put(contacts, row, STAMP, touch, like(x, now))
-        _put(contacts, row, RANK, touch, like(x, polygons[p, 7]))
-        _put(contacts, row, NX, touch, nx)
-        _put(contacts, row, NY, touch, ny)
+        for field, value in (
+            (WARM, select(known & (age == 1.0), 1.0, 0.0)), (POLYGON, like(x, p)),
+            (STAMP, like(x, now)), (RANK, like(x, polygons[p, 7])), (NX, nx), (NY, ny),
+        ):
+            _put(contacts, row, field, touch, value)
         old = (
             _memory(contacts, row, POINTS[0], known),
             _memory(contacts, row, POINTS[1], known),
@@ -200,18 +199,17 @@ def _meet_ground(group, i, moved, now):
 
 
 @compiled_inline
-def _near_polygons(group, i):
-    """Return the range of polygons that some lane's mass i may touch."""
-    n = group.left_sides.shape[0]
+def _near_polygons(left_sides, x, half):
+    """Return the range of polygons that a mass may touch that is at `x` in the lanes."""
+    n = left_sides.shape[0]
     if n <= 3:
         return 0, n
     west, east = 1e300, -1e300
-    x = group.mass_lanes[i, X]
     for lane in range(x.shape[0]):
         west, east = min(west, x[lane]), max(east, x[lane])
-    reach = 1.5 * group.half  # more than half a diagonal
-    first = _before(group.left_sides, west - reach)
-    return max(0, first), _before(group.left_sides, east + reach) + 1
+    reach = 1.5 * half  # more than half a diagonal
+    first = _before(left_sides, west - reach)
+    return max(0, first), _before(left_sides, east + reach) + 1
 
 
 @compiled_inline
@@ -293,23 +291,23 @@ def _prepare(contacts, row, point, touch, nx, ny, found, old, velocity, constant
 
 
 @compiled_inline
-def _take_turns(group, i, moved, now):
+def _take_turns(contacts, in_use, slots, i, moved, now):
     """Order the polygons that mass i touches, lane by lane; tell if there are several in one."""
     crowded = False
-    for row in range(i * group.slots, (i + 1) * group.slots):
-        if not group.in_use[row]:
+    for row in range(i * slots, (i + 1) * slots):
+        if not in_use[row]:
             continue
-        rank, touch = load(group.contacts, row, RANK), load(group.contacts, row, STAMP) == now
+        rank, touch = load(contacts, row, RANK), load(contacts, row, STAMP) == now
         turn = like(rank, 0.0)
-        for other in range(i * group.slots, (i + 1) * group.slots):
-            if other == row or not group.in_use[other]:
+        for other in range(i * slots, (i + 1) * slots):
+            if other == row or not in_use[other]:
                 continue
-            others = load(group.contacts, other, RANK)
-            both = touch & (load(group.contacts, other, STAMP) == now)
+            others = load(contacts, other, RANK)
+            both = touch & (load(contacts, other, STAMP) == now)
             crowded = crowded or any_lane(both)
             before = both & ((moved & (others < rank)) | (~moved & (others > rank)))
             turn = turn + select(before, 1.0, 0.0)
-        store(group.contacts, row, TURN, turn)
+        store(contacts, row, TURN, turn)
     return crowded
 
 
@@ -322,7 +320,7 @@ def _due(contacts, row, turn):
     return select(at == like(at, turn), 1.0, 0.0)
 
 
-@compiled
+@compiled_part
 def apply_contacts_of_last_step(group):
     """Start from the impulses of the last step, where mass and polygon touched in it."""
     contacts = group.contacts
@@ -345,7 +343,7 @@ def apply_contacts_of_last_step(group):
         store(group.masses, i, SPIN, spin)
 
 
-@compiled
+@compiled_part
 def push_contacts(group):
     """Let every contact act once: no velocity into the ground, friction up to mu times normal."""
     contacts, mu = group.contacts, group.friction

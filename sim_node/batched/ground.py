@@ -22,36 +22,36 @@ def query_order(ground: np.ndarray) -> np.ndarray:
     result. Munk2D keeps bounding boxes in a binary tree: a new one descends to where the areas
     grow least, and becomes the first child beside the leaf that it meets (cpBBTree.c).
     """
-    return _query_order(np.concatenate([ground.min(axis=1), ground.max(axis=1)], axis=1))
+    boxes = np.zeros((2 * len(ground), 4))
+    boxes[: len(ground)] = np.concatenate([ground.min(axis=1), ground.max(axis=1)], axis=1)
+    return _query_order(boxes, len(ground))
 
 
 @compiled
-def _query_order(leaves):
-    """Do so for bounding boxes (n, 4): left, bottom, right, top. Nodes below n are leaves."""
-    n = leaves.shape[0]
-    boxes = np.empty((2 * n, 4))
-    boxes[:n] = leaves
+def _query_order(boxes, n):
+    """Do so for bounding boxes (2 n, 4): left, bottom, right, top. Nodes below n are leaves."""
     children = np.full((2 * n, 2), -1)
     root, size = 0, n
     for leaf in range(1, n):
-        node, parent, side = root, -1, 0
+        node, parent, place = root, -1, 0
         while node >= n:
-            a, b = children[node]
+            a, b = children[node, 0], children[node, 1]
             cost_a = _area(boxes[b]) + _merged_area(boxes[a], boxes[leaf])
             cost_b = _area(boxes[a]) + _merged_area(boxes[b], boxes[leaf])
             if cost_a == cost_b:
                 cost_a = _distance(boxes[a], boxes[leaf])
                 cost_b = _distance(boxes[b], boxes[leaf])
             _merge(boxes[node], boxes[leaf])
-            parent, side = node, 1 if cost_b < cost_a else 0
-            node = children[node, side]
-        boxes[size] = boxes[node]
+            parent, place = node, 1 if cost_b < cost_a else 0
+            node = children[node, place]
+        for side in range(4):
+            boxes[size, side] = boxes[node, side]
         _merge(boxes[size], boxes[leaf])
         children[size, 0], children[size, 1] = leaf, node
         if parent < 0:
             root = size
         else:
-            children[parent, side] = size
+            children[parent, place] = size
         size += 1
     ranks, stack, depth, met = np.empty(n, np.int64), np.empty(2 * n, np.int64), 1, 0
     stack[0] = root

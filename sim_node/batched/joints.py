@@ -8,7 +8,7 @@ import math
 from sim_node.batched.group import N_LIMITS, X, Y
 from sim_node.batched.lanes import any_lane, load, select, store
 from sim_node.batched.springs import anchor, get_velocity, set_velocity
-from sim_node.compiled import compiled, compiled_inline
+from sim_node.compiled import compiled_inline, compiled_part
 
 _NX, _NY, _BIAS, _IMPULSE = range(4)
 """Fields of a limit: the unit vector from b to a, 0 where the limit is not reached; velocity that
@@ -19,7 +19,7 @@ _AX, _AY, _BX, _BY, _K_XX, _K_XY, _K_YY, _BIAS_X, _BIAS_Y, _JX, _JY = range(11)
 impulse to a change of relative velocity, velocity that mends the gap, impulse."""
 
 
-@compiled
+@compiled_part
 def prepare_joints(group, ends):
     """Prepare limits and welds at the present poses.
 
@@ -112,7 +112,7 @@ def weld(welds, k, a, b):
     return _pull(welds, k, a, b, jx, jy)
 
 
-@compiled
+@compiled_part
 def apply_joints_of_last_step(group, ends):
     """Start from the impulses of the last step; `ends` as of `prepare_joints`."""
     masses, limits, welds = group.masses, group.limits, group.welds

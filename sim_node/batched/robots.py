@@ -5,13 +5,12 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_node.batched.group import Group, make_group, put_down
-from sim_node.batched.sensing import is_sane, sense, write_centers
+from sim_node.batched.sensing import sense, write_centers
 from sim_node.batched.step import physics_step
 from sim_node.body import build_body
 from sim_node.compiled import compiled
 from sim_node.material import Material
 from sim_node.morphology import Morphology
-from sim_node.sensors import add_noise
 from sim_node.solver import Solver
 from sim_node.terrain import Terrain
 
@@ -21,12 +20,15 @@ WIDTH = 16
 
 @compiled
 def advance_group(group, step):
-    """Let all robots act by `group.actuation` up to control step `step`, and read the sensors."""
+    """Let all robots act by `group.actuation` up to control step `step`, and read the sensors.
+
+    Step 0 is the start: only the sensors are read.
+    """
     for i in range(group.actuation_lanes.shape[0]):
         for lane in range(group.actuation_lanes.shape[2]):
             a = group.actuation_lanes[i, 0, lane]
             group.actuation_lanes[i, 0, lane] = min(max(a, -1.0), 1.0)
-    for _ in range(group.substeps):
+    for _ in range(group.substeps if step > 0 else 0):
         physics_step(group)
     sense(group, step)
 
@@ -56,17 +58,6 @@ def one_robot(group: Group) -> OneRobot:
         actuation=group.actuation_lanes[:, 0, 0],
         readings=group.reading_lanes[:, :, 0],
     )
-
-
-@compiled
-def advance_one(robot, actuation, step, noise):
-    """Do for one robot what `sim_node.simulation.advance` does in the pymunk engine."""
-    for i in range(actuation.shape[0]):
-        robot.actuation[i] = actuation[i]
-    advance_group(robot.group, step)
-    if noise.shape[0] > 0:
-        add_noise(robot.readings, noise)
-    return is_sane(robot.group, 0)
 
 
 class Robots:
@@ -107,7 +98,7 @@ class Robots:
         """Put all robots down at rest and return their first readings, (n_voxels, 4, W)."""
         put_down(self.group, self._body)
         self.step_count = 0
-        sense(self.group, 0)
+        advance_group(self.group, 0)
         return self.readings
 
     def step(self, actuation: np.ndarray) -> np.ndarray:
@@ -139,5 +130,5 @@ class Robots:
     def centers(self) -> np.ndarray:
         """Return the robots' centres of mass (x, y) [m], (2, W)."""
         centers = np.empty((2, self.group.mass_lanes.shape[2]))
-        write_centers(self.group, centers)
+        write_centers(self.group.mass_lanes, centers)
         return centers

@@ -4,7 +4,7 @@ import math
 
 from sim_node.batched.group import COS, SIN, STAMP, VX, VY, X, Y
 from sim_node.batched.lanes import like, load, select, store
-from sim_node.compiled import compiled, compiled_inline
+from sim_node.compiled import compiled, compiled_inline, compiled_part
 from sim_node.sensors import (
     AREA_HIGH,
     AREA_LOW,
@@ -19,7 +19,7 @@ MAX_AREA_RATIO = 100.0
 """A voxel larger than this, relative to rest, has left all bounds."""
 
 
-@compiled
+@compiled_part
 def sense(group, step):
     """Read all sensors after control step `step`, and note which lanes are sane.
 
@@ -110,18 +110,12 @@ def _sum(windows, first, n, field):
 
 
 @compiled
-def write_centers(group, centers):
-    """Write the robots' centres of mass, (2, W) [m]."""
-    n = group.masses.shape[0]
+def write_centers(mass_lanes, centers):
+    """Write the robots' centres of mass, (2, W) [m], from `Group.mass_lanes`."""
+    n = mass_lanes.shape[0]
     for axis in range(2):
         for lane in range(centers.shape[1]):
             total = 0.0
             for i in range(n):
-                total += group.mass_lanes[i, axis, lane]
+                total += mass_lanes[i, axis, lane]
             centers[axis, lane] = total / n
-
-
-@compiled
-def is_sane(group, lane):
-    """Tell whether the physics of the robot in `lane` has not diverged, as of `sense`."""
-    return group.sane_lanes[0, 0, lane] > 0.0

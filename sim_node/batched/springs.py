@@ -5,7 +5,7 @@ import math
 from sim_node.batched.elementary import decay
 from sim_node.batched.group import COS, N_SPRINGS, SIN, SPIN, VX, VY, X, Y
 from sim_node.batched.lanes import load, select, store
-from sim_node.compiled import compiled, compiled_inline
+from sim_node.compiled import compiled_inline, compiled_part
 
 _NX, _NY, _ARM_A, _ARM_B, _DRAG, _PULL, _TARGET = range(7)
 """Fields: unit vector from a to b, lever arms about the masses' centres, share of the relative
@@ -33,7 +33,7 @@ def set_velocity(masses, i, velocity):
     store(masses, i, SPIN, velocity[2])
 
 
-@compiled
+@compiled_part
 def stretch_springs(group, ends):
     """Prepare every spring at the present poses and apply its force for the step.
 

@@ -27,22 +27,22 @@ from sim_node.batched.group import (
 from sim_node.batched.joints import apply_joints_of_last_step, limit, prepare_joints, weld
 from sim_node.batched.lanes import load, store
 from sim_node.batched.springs import damp, get_velocity, set_velocity, stretch_springs
-from sim_node.compiled import compiled
+from sim_node.compiled import compiled_part
 from sim_node.elementary import sine_cosine
 
 _SPRING_ENDS = np.array(ENDS[:N_SPRINGS])
 _LIMIT_ENDS = np.array(ENDS[N_SPRINGS:])
 
 
-@compiled
+@compiled_part
 def physics_step(group):
     """Advance all robots of the group by `group.dt`."""
     group.step_count[0] += 1.0
-    move(group)
+    move(group.masses, group.dt, group.per_rho)
     find_contacts(group)
     stretch_springs(group, _SPRING_ENDS)
     prepare_joints(group, _LIMIT_ENDS)
-    fall(group)
+    fall(group.masses, group.damping, group.fall)
     apply_contacts_of_last_step(group)
     apply_joints_of_last_step(group, _LIMIT_ENDS)
     for _ in range(group.iterations):
@@ -50,39 +50,38 @@ def physics_step(group):
         sweep(group)
 
 
-@compiled
-def move(group):
+@compiled_part
+def move(masses, dt, per_rho):
     """Move all masses by their velocities and by those that mend overlaps, which end here."""
-    for i in range(group.masses.shape[0]):
-        x = load(group.masses, i, X)
-        y = load(group.masses, i, Y)
-        angle = load(group.masses, i, ANGLE)
-        x += (load(group.masses, i, VX) + load(group.masses, i, BIAS_X)) * group.dt
-        y += (load(group.masses, i, VY) + load(group.masses, i, BIAS_Y)) * group.dt
-        spin = load(group.masses, i, SPIN) + load(group.masses, i, BIAS_SPIN)
-        angle += spin * (group.dt * group.per_rho)
+    for i in range(masses.shape[0]):
+        x = load(masses, i, X)
+        y = load(masses, i, Y)
+        angle = load(masses, i, ANGLE)
+        x += (load(masses, i, VX) + load(masses, i, BIAS_X)) * dt
+        y += (load(masses, i, VY) + load(masses, i, BIAS_Y)) * dt
+        spin = load(masses, i, SPIN) + load(masses, i, BIAS_SPIN)
+        angle += spin * (dt * per_rho)
         s, c = sine_cosine(angle)
-        store(group.masses, i, X, x)
-        store(group.masses, i, Y, y)
-        store(group.masses, i, ANGLE, angle)
-        store(group.masses, i, COS, c)
-        store(group.masses, i, SIN, s)
-        store(group.masses, i, BIAS_X, 0.0)
-        store(group.masses, i, BIAS_Y, 0.0)
-        store(group.masses, i, BIAS_SPIN, 0.0)
+        store(masses, i, X, x)
+        store(masses, i, Y, y)
+        store(masses, i, ANGLE, angle)
+        store(masses, i, COS, c)
+        store(masses, i, SIN, s)
+        store(masses, i, BIAS_X, 0.0)
+        store(masses, i, BIAS_Y, 0.0)
+        store(masses, i, BIAS_SPIN, 0.0)
 
 
-@compiled
-def fall(group):
+@compiled_part
+def fall(masses, damping, change):
     """Damp all velocities and let gravity act."""
-    masses = group.masses
     for i in range(masses.shape[0]):
         vx, vy, spin = get_velocity(masses, i)
-        vx, vy = vx * group.damping + 0.0, vy * group.damping - group.fall
-        set_velocity(masses, i, (vx, vy, spin * group.damping + 0.0))
+        vx, vy = vx * damping + 0.0, vy * damping - change
+        set_velocity(masses, i, (vx, vy, spin * damping + 0.0))
 
 
-@compiled
+@compiled_part
 def sweep(group):
     """Let every constraint act once, in the order in which they entered Munk2D's space.
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from sim_node.batched.lanes import load, store
 from sim_node.batched.robots import Robots, advance_group
-from sim_node.batched.sensing import is_sane, write_centers
+from sim_node.batched.sensing import write_centers
 from sim_node.compiled import compiled
 from sim_node.morphology import Morphology
 from sim_node.sensors import N_SENSORS
@@ -17,14 +17,14 @@ from snca_ros.evolution.locomotion import EPISODE, Episode
 @compiled
 def _walk(group, cells, noise, centers, done):
     """Run whole episodes; write `centers` (n_steps + 1, 2, W) and the steps `done` (W,)."""
-    write_centers(group, centers[0])
+    write_centers(group.mass_lanes, centers[0])
     for k in range(centers.shape[0] - 1):
         _add_noise(group.readings, noise[k])
         step_group(cells, group.readings, k, group.actuation)
         advance_group(group, k + 1)
-        write_centers(group, centers[k + 1])
+        write_centers(group.mass_lanes, centers[k + 1])
         for lane in range(done.shape[0]):
-            if done[lane] == k and is_sane(group, lane):
+            if done[lane] == k and group.sane_lanes[0, 0, lane] > 0.0:
                 done[lane] = k + 1
 
 
