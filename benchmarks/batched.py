@@ -12,6 +12,7 @@ import re
 import statistics
 import time
 
+import numba
 import numpy as np
 
 from benchmarks.command import run_part
@@ -112,8 +113,9 @@ def measure_episode(shape: str, name: str, model: str, rounds: int, duration: fl
 
 def registers() -> dict:
     """Count vector registers and fused multiply-adds in the assembly of the sweep, W = 16."""
-    sweep(new_robots(Simulation('1'), 16).group)
-    assembly = '\n'.join(sweep.inspect_asm().values())
+    anew = numba.njit(sweep.py_func, error_model='numpy')  # nothing cached can be inspected
+    anew(new_robots(Simulation('1'), 16).group)
+    assembly = '\n'.join(anew.inspect_asm().values())
     names = {kind: len(re.findall(rf'%{kind}\d+', assembly)) for kind in ('zmm', 'ymm', 'xmm')}
     return {**names, 'fused': len(re.findall(r'vfn?m(?:add|sub)', assembly))}
 

@@ -25,15 +25,15 @@ def sense(group, step):
 
     A lane is not when one of its numbers is not finite or a voxel's area is beyond bounds.
     """
-    sane = like(load(group.masses, 0, X), 1.0)
+    sane, now = like(load(group.masses, 0, X), 1.0), group.step_count[0]
     for i in range(group.area_ratios.shape[0]):
-        area = _outline(group, i) / group.rest_area
+        area = _outline(group.masses, group.corners, group.half, i) / group.rest_area
         store(group.area_ratios, i, 0, area)
         sane = select(abs(area) < MAX_AREA_RATIO, sane, 0.0)
-        touching = _touching(group, i)
+        touching = _touching(group.contacts, group.in_use, group.slots, now, i)
         store(group.touching, i, 0, touching)
         store(group.touches, i * TOUCH_WINDOW + step % TOUCH_WINDOW, 0, touching)
-        along, across = _own_velocity(group, i)
+        along, across = _own_velocity(group.masses, i)
         newest = i * VELOCITY_WINDOW + step % VELOCITY_WINDOW
         store(group.velocities, newest, 0, along)
         store(group.velocities, newest, 1, across)
@@ -51,39 +51,38 @@ def sense(group, step):
 
 
 @compiled_inline
-def _outline(group, i):
+def _outline(masses, corners, half, i):
     """Write the outer corners of voxel i and return its area [m^2]."""
     for j in range(4 * i, 4 * i + 4):
-        sx = -group.half if j == 4 * i or j == 4 * i + 3 else group.half
-        sy = group.half if j < 4 * i + 2 else -group.half
-        c, s = load(group.masses, j, COS), load(group.masses, j, SIN)
-        store(group.corners, j, 0, load(group.masses, j, X) + c * sx - s * sy)
-        store(group.corners, j, 1, load(group.masses, j, Y) + s * sx + c * sy)
-    twice = like(load(group.masses, 0, X), 0.0)
+        sx = -half if j == 4 * i or j == 4 * i + 3 else half
+        sy = half if j < 4 * i + 2 else -half
+        c, s = load(masses, j, COS), load(masses, j, SIN)
+        store(corners, j, 0, load(masses, j, X) + c * sx - s * sy)
+        store(corners, j, 1, load(masses, j, Y) + s * sx + c * sy)
+    twice = like(load(masses, 0, X), 0.0)
     for j in range(4 * i, 4 * i + 4):
         k = 4 * i + (j + 1) % 4
-        twice += load(group.corners, k, 0) * load(group.corners, j, 1) - load(
-            group.corners, j, 0
-        ) * load(group.corners, k, 1)
+        twice += load(corners, k, 0) * load(corners, j, 1) - load(
+            corners, j, 0
+        ) * load(corners, k, 1)
     return twice / 2.0
 
 
 @compiled_inline
-def _touching(group, i):
+def _touching(contacts, in_use, slots, now, i):
     """Return 1.0 where one of voxel i's masses touches the ground, else 0.0."""
-    now = group.step_count[0]
-    touching = like(load(group.masses, 0, X), 0.0)
-    for row in range(4 * i * group.slots, 4 * (i + 1) * group.slots):
-        if group.in_use[row]:
-            touches = load(group.contacts, row, STAMP) == like(touching, now)
+    touching = like(load(contacts, 0, STAMP), 0.0)
+    for row in range(4 * i * slots, 4 * (i + 1) * slots):
+        if in_use[row]:
+            touches = load(contacts, row, STAMP) == like(touching, now)
             touching = select(touches, 1.0, touching)
     return touching
 
 
 @compiled_inline
-def _own_velocity(group, i):
+def _own_velocity(masses, i):
     """Return the mean velocity (along, across) of voxel i's masses in its own axes."""
-    masses, m = group.masses, 4 * i
+    m = 4 * i
     top_x = load(masses, m + 1, X) - load(masses, m, X)
     top_y = load(masses, m + 1, Y) - load(masses, m, Y)
     low_x = load(masses, m + 2, X) - load(masses, m + 3, X)

@@ -11,6 +11,10 @@ from snca_ros.evolution.crowd import run_episodes
 from snca_ros.evolution.locomotion import run_episode
 
 
+def _robots(like: Simulation) -> Robots:
+    return Robots(like.morphology, like.terrain, like.material, like.solver)
+
+
 @pytest.mark.parametrize(
     ('name', 'model'), [('U-nD', 'snn-h'), ('nU-D', 'mlp'), ('nU-nD', 'snn')]
 )
@@ -19,15 +23,12 @@ def test_episodes_of_a_crowd(name, model):
     reference = Simulation('111-101')
     n = reference.morphology.n_voxels
     thetas = np.random.default_rng(0).uniform(-1.0, 1.0, (5, architecture.n_parameters(n)))
-    crowds = [
-        Robots(reference.morphology, reference.terrain, reference.material, reference.solver, w)
-        for w in (4, 1)
-    ]
-    together = run_episodes(crowds[0], architecture, reference.morphology, thetas[:3], 5.0)
-    assert len(together) == 3
-    for theta, episode in zip(thetas, together, strict=False):
-        alone, = run_episodes(crowds[1], architecture, reference.morphology, theta[None], 5.0)
-        np.testing.assert_array_equal(alone.centers, episode.centers)
+    robots = _robots(reference)
+    together = run_episodes(robots, architecture, reference.morphology, thetas[:3], 5.0)
+    others = run_episodes(robots, architecture, reference.morphology, thetas[::-1], 5.0)
+    assert (len(together), len(others)) == (3, 5)
+    for theta, episode, elsewhere in zip(thetas, together, others[::-1], strict=False):
+        np.testing.assert_array_equal(elsewhere.centers, episode.centers)
         controller = Controller(architecture, reference.morphology, theta)
         in_pymunk = run_episode(reference, controller, 5.0)
         assert not episode.diverged
@@ -39,8 +40,7 @@ def test_the_stepwise_loop_is_the_fused_one():
     simulation = Simulation('biped', engine='batched')
     morphology = simulation.morphology
     theta = np.random.default_rng(1).uniform(-1.0, 1.0, architecture.n_parameters(10))
-    robots = Robots(morphology, simulation.terrain, simulation.material, simulation.solver, 4)
-    episode, = run_episodes(robots, architecture, morphology, theta[None], 3.0)
+    episode, = run_episodes(_robots(simulation), architecture, morphology, theta[None], 3.0)
     controller = Controller(architecture, morphology, theta)
     readings = simulation.reset()
     for k in range(180):
