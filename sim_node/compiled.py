@@ -70,7 +70,12 @@ def compiled_part(function: Callable) -> Callable:
 
 
 def compiled_inline(function: Callable) -> Callable:
-    """Compile a part into each of its callers: for small functions with large arguments."""
+    """Compile `function` into each of its callers: for small functions."""
+    return _compiled(function, forceinline=True)
+
+
+def inlined_part(function: Callable) -> Callable:
+    """Compile a part into each of its callers; Python cannot call it."""
     return _compiled(function, no_cpython_wrapper=True, forceinline=True)
 
 

@@ -30,7 +30,7 @@ from sim_node.batched.group import (
     Y,
 )
 from sim_node.batched.lanes import any_lane, like, load, select, store
-from sim_node.compiled import compiled_inline, compiled_part
+from sim_node.compiled import compiled_part, inlined_part
 
 POINTS = 7, 17
 """First fields of a contact's two points, in the order in which they act."""
@@ -68,7 +68,7 @@ def find_contacts(group):
     group.scheduled[0] = n
 
 
-@compiled_inline
+@inlined_part
 def _left_box(masses, boxes, half, i):
     """Tell in which lanes a mass has left its box of the broad phase, and give it a new one.
 
@@ -95,7 +95,7 @@ def _left_box(masses, boxes, half, i):
     return moved
 
 
-@compiled_inline
+@inlined_part
 def _meet_ground(group, i, moved, now):
     """Find and prepare the contacts of mass i; return how many slots are in use."""
     masses, contacts, polygons = group.masses, group.contacts, group.polygons
@@ -198,7 +198,7 @@ def _meet_ground(group, i, moved, now):
     return met
 
 
-@compiled_inline
+@inlined_part
 def _near_polygons(left_sides, x, half):
     """Return the range of polygons that a mass may touch that is at `x` in the lanes."""
     n = left_sides.shape[0]
@@ -212,7 +212,7 @@ def _near_polygons(left_sides, x, half):
     return max(0, first), _before(left_sides, east + reach) + 1
 
 
-@compiled_inline
+@inlined_part
 def _before(values, x):
     """Return the index of the last of increasing `values` that is not above x, or -1."""
     low, high = 0, values.shape[0]
@@ -225,7 +225,7 @@ def _before(values, x):
     return low - 1
 
 
-@compiled_inline
+@inlined_part
 def _wider(best, other):
     """Return, lane by lane, of two axes (n_x, n_y, gap) the one with the wider gap."""
     wider = other[2] > best[2]
@@ -236,7 +236,7 @@ def _wider(best, other):
     )
 
 
-@compiled_inline
+@inlined_part
 def _extent(ux, uy, x0, x1, y0, y1, y2):
     """Return the least and the greatest coordinate of the polygon's corners along axis u."""
     a, b = ux * x0, ux * x1
@@ -245,18 +245,18 @@ def _extent(ux, uy, x0, x1, y0, y1, y2):
     return min(low, s), max(high, s)
 
 
-@compiled_inline
+@inlined_part
 def _clip(t):
     return max(min(t, like(t, 1.0)), like(t, 0.0))
 
 
-@compiled_inline
+@inlined_part
 def _put(contacts, row, field, lanes, value):
     """Write a field of a contact in some lanes only."""
     store(contacts, row, field, select(lanes, value, load(contacts, row, field)))
 
 
-@compiled_inline
+@inlined_part
 def _memory(contacts, row, point, known):
     """Return key (-1 where nothing is known), normal and friction impulse of a point."""
     return (
@@ -266,7 +266,7 @@ def _memory(contacts, row, point, known):
     )
 
 
-@compiled_inline
+@inlined_part
 def _prepare(contacts, row, point, touch, nx, ny, found, old, velocity, constants):
     """Write a point found at (x, y) from the mass's centre, by `depth` (negative) in the ground."""
     rx, ry, depth, key = found
@@ -290,7 +290,7 @@ def _prepare(contacts, row, point, touch, nx, ny, found, old, velocity, constant
     _put(contacts, row, point + KEY, touch, select(exists, key, -1.0))
 
 
-@compiled_inline
+@inlined_part
 def _take_turns(contacts, in_use, slots, i, moved, now):
     """Order the polygons that mass i touches, lane by lane; tell if there are several in one."""
     crowded = False
@@ -311,7 +311,7 @@ def _take_turns(contacts, in_use, slots, i, moved, now):
     return crowded
 
 
-@compiled_inline
+@inlined_part
 def _due(contacts, row, turn):
     """Return 1.0 in the lanes whose turn it is, else 0.0."""
     at = load(contacts, row, TURN)

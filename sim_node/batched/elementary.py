@@ -2,12 +2,12 @@
 
 import math
 
-from sim_node.compiled import compiled_inline
+from sim_node.compiled import inlined_part
 
 _INVERSE_FACTORIALS = tuple(1.0 / math.factorial(k) for k in range(13))
 
 
-@compiled_inline
+@inlined_part
 def decay(x, halvings):
     """Return 1 - exp(-x) for 0 <= x <= 2**halvings / 4, relative error near 5e-16.
 

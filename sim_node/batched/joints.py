@@ -8,7 +8,7 @@ import math
 from sim_node.batched.group import N_LIMITS, X, Y
 from sim_node.batched.lanes import any_lane, load, select, store
 from sim_node.batched.springs import anchor, get_velocity, set_velocity
-from sim_node.compiled import compiled_inline, compiled_part
+from sim_node.compiled import compiled_part, inlined_part
 
 _NX, _NY, _BIAS, _IMPULSE = range(4)
 """Fields of a limit: the unit vector from b to a, 0 where the limit is not reached; velocity that
@@ -72,13 +72,13 @@ def prepare_joints(group, ends):
         store(welds, k, _K_YY, xx * per_det)
 
 
-@compiled_inline
+@inlined_part
 def _push_apart(limits, k, a, b, j):
     jx, jy = load(limits, k, _NX) * j, load(limits, k, _NY) * j
     return (a[0] - jx, a[1] - jy, a[2]), (b[0] + jx, b[1] + jy, b[2])
 
 
-@compiled_inline
+@inlined_part
 def limit(limits, k, a, b):
     """Let limit k act between masses of velocities a and b; return both. It can only push."""
     v = load(limits, k, _NX) * (b[0] - a[0]) + load(limits, k, _NY) * (b[1] - a[1])
@@ -88,7 +88,7 @@ def limit(limits, k, a, b):
     return _push_apart(limits, k, a, b, new - old)
 
 
-@compiled_inline
+@inlined_part
 def _pull(welds, k, a, b, jx, jy):
     ax, ay, bx, by = (
         load(welds, k, _AX), load(welds, k, _AY), load(welds, k, _BX), load(welds, k, _BY)
@@ -99,7 +99,7 @@ def _pull(welds, k, a, b, jx, jy):
     )
 
 
-@compiled_inline
+@inlined_part
 def weld(welds, k, a, b):
     """Let weld k act between masses of velocities a and b; return both."""
     vx = (b[0] - load(welds, k, _BY) * b[2]) - (a[0] - load(welds, k, _AY) * a[2])

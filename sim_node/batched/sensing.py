@@ -4,7 +4,7 @@ import math
 
 from sim_node.batched.group import COS, SIN, STAMP, VX, VY, X, Y
 from sim_node.batched.lanes import like, load, select, store
-from sim_node.compiled import compiled, compiled_inline, compiled_part
+from sim_node.compiled import compiled, compiled_part, inlined_part
 from sim_node.sensors import (
     AREA_HIGH,
     AREA_LOW,
@@ -50,7 +50,7 @@ def sense(group, step):
     store(group.sane, 0, 0, sane)
 
 
-@compiled_inline
+@inlined_part
 def _outline(masses, corners, half, i):
     """Write the outer corners of voxel i and return its area [m^2]."""
     for j in range(4 * i, 4 * i + 4):
@@ -68,7 +68,7 @@ def _outline(masses, corners, half, i):
     return twice / 2.0
 
 
-@compiled_inline
+@inlined_part
 def _touching(contacts, in_use, slots, now, i):
     """Return 1.0 where one of voxel i's masses touches the ground, else 0.0."""
     touching = like(load(contacts, 0, STAMP), 0.0)
@@ -79,7 +79,7 @@ def _touching(contacts, in_use, slots, now, i):
     return touching
 
 
-@compiled_inline
+@inlined_part
 def _own_velocity(masses, i):
     """Return the mean velocity (along, across) of voxel i's masses in its own axes."""
     m = 4 * i
@@ -100,7 +100,7 @@ def _own_velocity(masses, i):
     return c * vx + s * vy, c * vy - s * vx
 
 
-@compiled_inline
+@inlined_part
 def _sum(windows, first, n, field):
     total = like(load(windows, first, field), 0.0)
     for i in range(first, first + n):

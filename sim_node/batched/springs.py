@@ -5,27 +5,27 @@ import math
 from sim_node.batched.elementary import decay
 from sim_node.batched.group import COS, N_SPRINGS, SIN, SPIN, VX, VY, X, Y
 from sim_node.batched.lanes import load, select, store
-from sim_node.compiled import compiled_inline, compiled_part
+from sim_node.compiled import compiled_part, inlined_part
 
 _NX, _NY, _ARM_A, _ARM_B, _DRAG, _PULL, _TARGET = range(7)
 """Fields: unit vector from a to b, lever arms about the masses' centres, share of the relative
 velocity that damping takes in a step and the impulse that does it, relative velocity to be left."""
 
 
-@compiled_inline
+@inlined_part
 def anchor(masses, i, ax, ay):
     """Return where an anchor [m] in the axes of mass i points in the world's axes."""
     c, s = load(masses, i, COS), load(masses, i, SIN)
     return c * ax - s * ay, s * ax + c * ay
 
 
-@compiled_inline
+@inlined_part
 def get_velocity(masses, i):
     """Return (v_x, v_y, rho times the angular velocity) of mass i."""
     return load(masses, i, VX), load(masses, i, VY), load(masses, i, SPIN)
 
 
-@compiled_inline
+@inlined_part
 def set_velocity(masses, i, velocity):
     """Write what `get_velocity` returns."""
     store(masses, i, VX, velocity[0])
@@ -73,7 +73,7 @@ def stretch_springs(group, ends):
         set_velocity(masses, b, (vx + nx * j, vy + ny * j, spin + arm_b * j))
 
 
-@compiled_inline
+@inlined_part
 def damp(springs, k, a, b):
     """Let the damping of spring k act between masses of velocities a and b; return both."""
     nx, ny = load(springs, k, _NX), load(springs, k, _NY)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_node.compiled import compiled, compiled_inline
+from sim_node.compiled import compiled, inlined_part
 from sim_node.errors import InvalidInput
 from sim_node.morphology import DIRECTIONS
 from sim_node.sensors import N_SENSORS
@@ -73,7 +73,7 @@ def step_cells(cells, first, last, readings, step, actuation):
         _write_values(cells, first, last, actuation)
 
 
-@compiled_inline
+@inlined_part
 def _read_trains(cells, first, last, readings, step):
     n_c = cells.inbox.shape[2]
     for i in range(first, last):
@@ -86,7 +86,7 @@ def _read_trains(cells, first, last, readings, step):
                 cells.trains[i, 0, N_SENSORS + d * n_c + c] = int(cells.inbox[i, d, c])
 
 
-@compiled_inline
+@inlined_part
 def _write_trains(cells, first, last, actuation):
     n_c, output = cells.outbox.shape[2], cells.trains.shape[1] - 1
     for i in range(first, last):
@@ -99,7 +99,7 @@ def _write_trains(cells, first, last, actuation):
         actuation[i] = decode(cells.counts, i, cells.age[i])
 
 
-@compiled_inline
+@inlined_part
 def _read_values(cells, first, last, readings):
     n_c = cells.inbox.shape[2]
     for i in range(first, last):
@@ -110,7 +110,7 @@ def _read_values(cells, first, last, readings):
                 cells.values[i, 0, N_SENSORS + d * n_c + c] = cells.inbox[i, d, c]
 
 
-@compiled_inline
+@inlined_part
 def _write_values(cells, first, last, actuation):
     n_c, output = cells.outbox.shape[2], cells.values.shape[1] - 1
     for i in range(first, last):

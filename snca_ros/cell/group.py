@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_node.batched.lanes import bits_of, like, load, mask_like, select, store, zeros
-from sim_node.compiled import compiled, compiled_inline
+from sim_node.compiled import compiled, inlined_part
 from sim_node.errors import InvalidInput
 from sim_node.morphology import OPPOSITE, Morphology
 from sim_node.sensors import N_SENSORS
@@ -92,7 +92,7 @@ def step_group(cells, readings, step, actuation):
             _write_values(cells, i, actuation)
 
 
-@compiled_inline
+@inlined_part
 def _read_trains(cells, i, readings, step):
     trains, first_step = cells.spikes.trains, float(step * SNN_STEPS)
     for sensor in range(N_SENSORS):
@@ -113,13 +113,13 @@ def _read_trains(cells, i, readings, step):
                 trains[N_SENSORS + d * cells.n_c + c, h] = heard
 
 
-@compiled_inline
+@inlined_part
 def _source(cells, i, d):
     """Return whom cell i hears from direction d, -1 for nobody, and the first of the channels."""
     return cells.neighbors[i, d], _OPPOSITE[d] * cells.n_c if cells.directional else 0
 
 
-@compiled_inline
+@inlined_part
 def _write_trains(cells, i, actuation):
     trains = cells.spikes.trains
     output = cells.output
@@ -138,7 +138,7 @@ def _write_trains(cells, i, actuation):
     store(actuation, i, 0, actuation_of(n_spikes, age))
 
 
-@compiled_inline
+@inlined_part
 def _read_values(cells, i, readings):
     values = cells.values
     for sensor in range(N_SENSORS):
@@ -153,7 +153,7 @@ def _read_values(cells, i, readings):
                 store(values, 0, neuron, load(cells.heard_values, sender, channel + c))
 
 
-@compiled_inline
+@inlined_part
 def _write_values(cells, i, actuation):
     output = cells.output
     for c in range(cells.sent_values.shape[1]):

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_node.batched.lanes import bits_of, like, load, mask_like, select, store
-from sim_node.compiled import compiled, compiled_inline
+from sim_node.compiled import compiled, inlined_part
 from snca_ros.cell import snn
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.cell.layers import padded
@@ -79,7 +79,7 @@ def run_network(lif, cell, row, sizes, weights, ceilings, v, psi, theta, spikes)
         first += n
 
 
-@compiled_inline
+@inlined_part
 def list_firing(first, n, trains, firing, n_firing):
     """List for each SNN step which of the n neurons from `first` fire for some robot."""
     for h in range(SNN_STEPS):
@@ -90,7 +90,7 @@ def list_firing(first, n, trains, firing, n_firing):
         n_firing[h] = last
 
 
-@compiled_inline
+@inlined_part
 def run_layer(
     lif, cell, row, before, pre, first, n, synapse, weights, ceilings, v, psi,
     trains, firing, n_firing,
@@ -133,7 +133,7 @@ def run_layer(
         store(psi, cell, k, psi_k)
 
 
-@compiled_inline
+@inlined_part
 def run_layer_as_printed(
     lif, cell, row, before, pre, first, n, synapse, weights, ceilings, v, psi, theta,
     trains, firing, n_firing,
