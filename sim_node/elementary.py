@@ -5,8 +5,8 @@ makes another episode. These are made of IEEE additions, multiplications and div
 no branch, so that loops over them vectorise.
 """
 
-from sim_node.batched.lanes import scale_of, select
 from sim_node.compiled import compiled_inline
+from sim_node.lanes import scale_of, select
 
 _LOG2_E = 1.4426950408889634
 _LN2_HIGH, _LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10  # their sum; 20 low bits clear

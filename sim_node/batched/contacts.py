@@ -29,8 +29,8 @@ from sim_node.batched.group import (
     X,
     Y,
 )
-from sim_node.batched.lanes import any_lane, like, load, select, store
 from sim_node.compiled import compiled_part, inlined_part
+from sim_node.lanes import any_lane, like, load, select, store
 
 POINTS = 7, 17
 """First fields of a contact's two points, in the order in which they act."""

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_node.batched.ground import most_at_once, query_order
-from sim_node.batched.lanes import zeros
 from sim_node.body import LIMIT, SPRING, WELD, Body
 from sim_node.errors import InvalidInput
+from sim_node.lanes import zeros
 from sim_node.material import Material
 from sim_node.sensors import N_SENSORS, TOUCH_WINDOW, VELOCITY_WINDOW
 from sim_node.solver import Solver

@@ -3,8 +3,8 @@
 import math
 
 from sim_node.batched.group import COS, SIN, STAMP, VX, VY, X, Y
-from sim_node.batched.lanes import like, load, select, store
 from sim_node.compiled import compiled, compiled_part, inlined_part
+from sim_node.lanes import like, load, select, store
 from sim_node.sensors import (
     AREA_HIGH,
     AREA_LOW,

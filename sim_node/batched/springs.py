@@ -4,8 +4,8 @@ import math
 
 from sim_node.batched.elementary import decay
 from sim_node.batched.group import COS, N_SPRINGS, SIN, SPIN, VX, VY, X, Y
-from sim_node.batched.lanes import load, select, store
 from sim_node.compiled import compiled_part, inlined_part
+from sim_node.lanes import load, select, store
 
 _NX, _NY, _ARM_A, _ARM_B, _DRAG, _PULL, _TARGET = range(7)
 """Fields: unit vector from a to b, lever arms about the masses' centres, share of the relative

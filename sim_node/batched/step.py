@@ -25,10 +25,10 @@ from sim_node.batched.group import (
     Y,
 )
 from sim_node.batched.joints import apply_joints_of_last_step, limit, prepare_joints, weld
-from sim_node.batched.lanes import load, store
 from sim_node.batched.springs import damp, get_velocity, set_velocity, stretch_springs
 from sim_node.compiled import compiled_part
 from sim_node.elementary import sine_cosine
+from sim_node.lanes import load, store
 
 _SPRING_ENDS = np.array(ENDS[:N_SPRINGS])
 _LIMIT_ENDS = np.array(ENDS[N_SPRINGS:])

@@ -5,9 +5,9 @@ A spike train of one control step is an integer: bit h is set if SNN step h has 
 
 import numpy as np
 
-from sim_node.batched.lanes import select
 from sim_node.compiled import compiled_inline
 from sim_node.elementary import floor
+from sim_node.lanes import select
 from sim_node.stamps import CONTROL_RATE
 
 SNN_STEPS = 16

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_node.batched.lanes import bits_of, like, load, mask_like, select, store, zeros
 from sim_node.compiled import compiled, inlined_part
 from sim_node.errors import InvalidInput
+from sim_node.lanes import bits_of, like, load, mask_like, select, store, zeros
 from sim_node.morphology import OPPOSITE, Morphology
 from sim_node.sensors import N_SENSORS
 from snca_ros.cell import mlp_lanes, snn, snn_lanes

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_node.batched.lanes import bits_of, like, load, mask_like, select, store
 from sim_node.compiled import compiled, inlined_part
+from sim_node.lanes import bits_of, like, load, mask_like, select, store
 from snca_ros.cell import snn
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.cell.layers import padded

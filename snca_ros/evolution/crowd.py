@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from sim_node.batched.lanes import load, store
 from sim_node.batched.robots import Robots, advance_group
 from sim_node.batched.sensing import write_centers
 from sim_node.compiled import compiled
+from sim_node.lanes import load, store
 from sim_node.morphology import Morphology
 from sim_node.sensors import N_SENSORS
 from sim_node.stamps import CONTROL_RATE

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sim_node.batched.lanes import zeros
 from sim_node.errors import InvalidInput
+from sim_node.lanes import zeros
 from sim_node.morphology import parse_morphology
 from snca_ros.cell.group import MAX_WIDTH, CellGroup, step_group
 from snca_ros.cell.layers import padded

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from sim_node.batched.elementary import decay
-from sim_node.batched.lanes import (
+from sim_node.compiled import compiled
+from sim_node.elementary import floor, sine_cosine, tanh
+from sim_node.lanes import (
     any_lane,
     bits_of,
     like,
@@ -18,8 +20,6 @@ from sim_node.batched.lanes import (
     store,
     zeros,
 )
-from sim_node.compiled import compiled
-from sim_node.elementary import floor, sine_cosine, tanh
 
 
 @compiled
@@ -131,7 +131,7 @@ def test_a_function_of_lanes_is_that_of_numbers():
 def test_the_cache_tells_widths_apart():
     name = (
         'from numba import typeof; from numba.core.itanium_mangler import mangle_type;'
-        'from sim_node.batched.lanes import zeros; print(mangle_type(typeof(zeros((1, 1), {}))))'
+        'from sim_node.lanes import zeros; print(mangle_type(typeof(zeros((1, 1), {}))))'
     )
     names = [
         subprocess.run(
