@@ -16,10 +16,10 @@ COMBINATIONS = [
 ]
 
 
-def offline(path, terrain='flat'):
+def offline(path, terrain='flat', engine='pymunk'):
     """Step the offline twins in Python; return centres, readings, actuation and messages."""
     trained = load_controller(path)
-    simulation = Simulation(trained.morphology, terrain)
+    simulation = Simulation(trained.morphology, terrain, engine=engine)
     controller = trained.controller()
     readings = simulation.reset()
     centers, all_readings, actuations, messages = [simulation.center], [], [], []
@@ -33,10 +33,11 @@ def offline(path, terrain='flat'):
     return tuple(map(np.array, (centers, all_readings, actuations, messages)))
 
 
-def walk(path, bag, voxels_per_process, terrain='flat'):
+def walk(path, bag, voxels_per_process, terrain='flat', engine=''):
     """Run the graph and return what its bag holds."""
     options = WalkOptions(
-        duration=DURATION, voxels_per_process=voxels_per_process, bag=str(bag), terrain=terrain
+        duration=DURATION, voxels_per_process=voxels_per_process, bag=str(bag), terrain=terrain,
+        engine=engine,
     )
     graph = describe_graph(path, load_controller(path), options)
     with RunningGraph(graph, {}) as running:
@@ -70,3 +71,13 @@ def test_hilly_terrain_too(make_controller, tmp_path):
     centers, *_ = offline(path, 'hilly-1-10-0')
     recording = walk(path, tmp_path / 'bag', 2, 'hilly-1-10-0')
     np.testing.assert_array_equal(recording.centers, centers)
+
+
+def test_batched_engine_too(make_controller, tmp_path):
+    path = make_controller('11-10', 'U-nD', 'snn-h', seed=4)
+    centers, readings, *_ = offline(path, 'uphill-10', 'batched')
+    recording = walk(path, tmp_path / 'bag', 2, 'uphill-10', 'batched')
+    np.testing.assert_array_equal(recording.centers, centers)
+    np.testing.assert_array_equal(recording.readings[:N_STEPS], readings)
+    in_pymunk, *_ = offline(path, 'uphill-10')
+    assert not np.array_equal(in_pymunk, centers)
