@@ -50,18 +50,19 @@ def find_contacts(group):
     Fills `schedule` with pairs (row of `contacts`, turn): all lanes of the row if turn < 0, else
     those whose TURN it is, for a mass that touches several polygons in some lane.
     """
+    masses, boxes, contacts, in_use = group.masses, group.boxes, group.contacts, group.in_use
     now, slots, n = group.step_count[0], group.slots, 0
-    for i in range(group.masses.shape[0]):
+    for i in range(masses.shape[0]):
         for slot in range(slots):
-            group.in_use[i * slots + slot] = False
-        moved = _left_box(group.masses, group.boxes, group.half, i)
+            in_use[i * slots + slot] = False
+        moved = _left_box(masses, boxes, group.half, i)
         met = _meet_ground(group, i, moved, now)
         if met == 0:
             continue
-        crowded = _take_turns(group.contacts, group.in_use, group.slots, i, moved, now)
+        crowded = _take_turns(contacts, in_use, slots, i, moved, now)
         for turn in range(met if crowded else 1):
             for row in range(i * slots, (i + 1) * slots):
-                if group.in_use[row]:
+                if in_use[row]:
                     group.schedule[n, 0] = row
                     group.schedule[n, 1] = turn if crowded else -1
                     n += 1
@@ -99,7 +100,7 @@ def _left_box(masses, boxes, half, i):
 def _meet_ground(group, i, moved, now):
     """Find and prepare the contacts of mass i; return how many slots are in use."""
     masses, contacts, polygons = group.masses, group.contacts, group.polygons
-    first, last = _near_polygons(group.left_sides, group.mass_lanes[i, X], group.half)
+    first, last = _near_polygons(group, i)
     x, y = load(masses, i, X), load(masses, i, Y)
     c, s = load(masses, i, COS), load(masses, i, SIN)
     velocity = load(masses, i, VX), load(masses, i, VY), load(masses, i, SPIN)
@@ -199,17 +200,18 @@ def _meet_ground(group, i, moved, now):
 
 
 @inlined_part
-def _near_polygons(left_sides, x, half):
-    """Return the range of polygons that a mass may touch that is at `x` in the lanes."""
-    n = left_sides.shape[0]
+def _near_polygons(group, i):
+    """Return the range of polygons that some lane's mass i may touch."""
+    n = group.left_sides.shape[0]
     if n <= 3:
         return 0, n
     west, east = 1e300, -1e300
+    x = group.mass_lanes[i, X]
     for lane in range(x.shape[0]):
         west, east = min(west, x[lane]), max(east, x[lane])
-    reach = 1.5 * half  # more than half a diagonal
-    first = _before(left_sides, west - reach)
-    return max(0, first), _before(left_sides, east + reach) + 1
+    reach = 1.5 * group.half  # more than half a diagonal
+    first = _before(group.left_sides, west - reach)
+    return max(0, first), _before(group.left_sides, east + reach) + 1
 
 
 @inlined_part

@@ -25,15 +25,16 @@ def sense(group, step):
 
     A lane is not when one of its numbers is not finite or a voxel's area is beyond bounds.
     """
-    sane, now = like(load(group.masses, 0, X), 1.0), group.step_count[0]
+    masses, corners, contacts, in_use = group.masses, group.corners, group.contacts, group.in_use
+    sane, now = like(load(masses, 0, X), 1.0), group.step_count[0]
     for i in range(group.area_ratios.shape[0]):
-        area = _outline(group.masses, group.corners, group.half, i) / group.rest_area
+        area = _outline(masses, corners, group.half, i) / group.rest_area
         store(group.area_ratios, i, 0, area)
         sane = select(abs(area) < MAX_AREA_RATIO, sane, 0.0)
-        touching = _touching(group.contacts, group.in_use, group.slots, now, i)
+        touching = _touching(contacts, in_use, group.slots, now, i)
         store(group.touching, i, 0, touching)
         store(group.touches, i * TOUCH_WINDOW + step % TOUCH_WINDOW, 0, touching)
-        along, across = _own_velocity(group.masses, i)
+        along, across = _own_velocity(masses, i)
         newest = i * VELOCITY_WINDOW + step % VELOCITY_WINDOW
         store(group.velocities, newest, 0, along)
         store(group.velocities, newest, 1, across)
