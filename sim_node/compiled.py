@@ -20,16 +20,15 @@ _lock = threading.Lock()
 def _cache_folder() -> str:
     """Return the cache folder for the sources as they are now.
 
-    Numba recompiles a function when its own file changes but not when a function that it calls
-    does. A digest of every compiled module in the folder's name makes a stale result impossible.
+    Numba recompiles a function when its own file changes, but neither when a function that it
+    calls does nor when a constant that it took from another module does. A digest of all sources
+    in the folder's name makes a stale result impossible.
     """
     roots = [Path(__file__).resolve().parent]
     roots += [roots[0].parent / 'snca_ros']
     digest = hashlib.sha256(numba.__version__.encode())
     for path in sorted(p for root in roots for p in root.rglob('*.py')):
-        text = path.read_bytes()
-        if b'compiled' in text:
-            digest.update(text)
+        digest.update(path.read_bytes())
     home = os.environ.get('XDG_CACHE_HOME') or os.path.join(os.path.expanduser('~'), '.cache')
     return os.path.join(home, 'snca_ros', digest.hexdigest()[:16])
 

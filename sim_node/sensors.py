@@ -25,6 +25,10 @@ SPEED = 8.0
 """Speed [m/s] whose range, to and fro, is mapped softly to [0, 1]."""
 
 
+MAX_AREA_RATIO = 100.0
+"""A voxel larger than this, relative to rest, has left all bounds."""
+
+
 @compiled_inline
 def soft_normalise(value, low, high):
     """Map [low, high] softly to [0, 1] (2D-VSR-Sim): tanh((2 u - 1) 2) / 2 + 1/2, u linear.

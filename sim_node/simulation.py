@@ -12,10 +12,11 @@ from sim_node import munk
 from sim_node.batched.robots import OneRobot, Robots, one_robot
 from sim_node.body import build_body
 from sim_node.compiled import compiled
-from sim_node.errors import InvalidInput, near_miss
+from sim_node.errors import InvalidInput
 from sim_node.material import Material
 from sim_node.morphology import Morphology, parse_morphology
 from sim_node.sensors import (
+    MAX_AREA_RATIO,
     N_SENSORS,
     add_noise,
     measure,
@@ -24,12 +25,10 @@ from sim_node.sensors import (
     polygon_area,
     sample_windows,
 )
-from sim_node.solver import ENGINES, Solver
+from sim_node.solver import Solver, check_engine
 from sim_node.space import Space
 from sim_node.stamps import CONTROL_RATE
 from sim_node.terrain import Terrain, parse_terrain
-
-_MAX_AREA_RATIO = 100.0
 
 
 class Diverged(ArithmeticError):
@@ -107,7 +106,7 @@ def sense(world, step):
         )
     normalise(world.readings.reshape(-1))
     for i in range(world.area_ratios.shape[0]):
-        if not abs(world.area_ratios[i]) < _MAX_AREA_RATIO:
+        if not abs(world.area_ratios[i]) < MAX_AREA_RATIO:
             return False
     return bool(np.isfinite(world.readings.sum()))
 
@@ -183,9 +182,7 @@ class Simulation:
             raise InvalidInput('sensor_noise', sensor_noise, 'a number from 0 to 10')
         if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
             raise InvalidInput('seed', seed, 'an integer from 0')
-        if engine not in ENGINES:
-            expected = f'one of {", ".join(ENGINES)}' + near_miss(str(engine), ENGINES)
-            raise InvalidInput('engine', engine, expected)
+        check_engine(engine, solver or Solver())
         self.morphology, self.terrain, self.engine = morphology, terrain, engine
         self.material = material or Material()
         self.solver = solver or Solver()

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from sim_node.errors import InvalidInput, check_keys
+from sim_node.errors import InvalidInput, check_keys, near_miss
 
 ENGINES = ('pymunk', 'batched')
 """pymunk steps any scene; batched, the same algorithm in SIMD lanes, what evolution needs."""
@@ -35,3 +35,13 @@ class Solver:
         """Return the solver with `values` in place of defaults; InvalidInput if one is off."""
         check_keys('solver', values, list(cls.__dataclass_fields__))
         return cls(**values)
+
+
+def check_engine(engine: object, solver: Solver) -> None:
+    """Raise InvalidInput if there is no such engine, or it cannot do what the solver asks for."""
+    if engine not in ENGINES:
+        expected = f'one of {", ".join(ENGINES)}' + near_miss(str(engine), ENGINES)
+        raise InvalidInput('engine', engine, expected)
+    if engine == 'batched' and solver.self_collision:
+        expected = 'false with the batched engine; the pymunk engine has self-collision'
+        raise InvalidInput('solver.self_collision', True, expected)

@@ -13,11 +13,10 @@ import numpy as np
 
 from sim_node.batched.ground import most_at_once, query_order
 from sim_node.body import LIMIT, SPRING, WELD, Body
-from sim_node.errors import InvalidInput
 from sim_node.lanes import zeros
 from sim_node.material import Material
 from sim_node.sensors import N_SENSORS, TOUCH_WINDOW, VELOCITY_WINDOW
-from sim_node.solver import Solver
+from sim_node.solver import Solver, check_engine
 from sim_node.stamps import CONTROL_RATE
 
 JOINT_ERROR = float(np.float32(1.0) - np.float32(0.1)) ** 60
@@ -113,9 +112,7 @@ def make_group(
     Raises:
         InvalidInput: the solver asks for self-collision.
     """
-    if solver.self_collision:
-        expected = 'false with the batched engine; the pymunk engine has self-collision'
-        raise InvalidInput('solver.self_collision', True, expected)
+    check_engine('batched', solver)
     _check_order(body)
     table = body.constraints
     dt = 1.0 / CONTROL_RATE / solver.substeps

@@ -8,15 +8,13 @@ from sim_node.lanes import like, load, select, store
 from sim_node.sensors import (
     AREA_HIGH,
     AREA_LOW,
+    MAX_AREA_RATIO,
     N_SENSORS,
     SPEED,
     TOUCH_WINDOW,
     VELOCITY_WINDOW,
     soft_normalise,
 )
-
-MAX_AREA_RATIO = 100.0
-"""A voxel larger than this, relative to rest, has left all bounds."""
 
 
 @compiled_part

@@ -6,11 +6,11 @@ from typing import Any
 
 import yaml
 
-from sim_node.errors import InvalidInput, check_keys, near_miss
+from sim_node.errors import InvalidInput, check_keys
 from sim_node.material import Material
 from sim_node.morphology import parse_morphology
 from sim_node.simulation import Simulation
-from sim_node.solver import ENGINES, Solver
+from sim_node.solver import Solver, check_engine
 from sim_node.terrain import parse_terrain
 from snca_ros.cell.nca import Architecture
 from snca_ros.evolution.locomotion import EPISODE, TRANSIENT
@@ -57,12 +57,7 @@ class RunConfig:
         _check('sigma', self.sigma, (int, float), 0.0, 100.0)
         _check('duration', self.duration, (int, float), 0.1, 3600.0)
         _check('transient', self.transient, (int, float), 0.0, self.duration)
-        if self.engine not in ENGINES:
-            expected = f'one of {", ".join(ENGINES)}' + near_miss(str(self.engine), ENGINES)
-            raise InvalidInput('engine', self.engine, expected)
-        if self.engine == 'batched' and self.solver.self_collision:
-            expected = 'false with the batched engine; the pymunk engine has self-collision'
-            raise InvalidInput('solver.self_collision', True, expected)
+        check_engine(self.engine, self.solver)
 
     def simulation(self) -> Simulation:
         """Return the simulation of an episode."""
