@@ -4,6 +4,7 @@ import fcntl
 import functools
 import hashlib
 import os
+import re
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -22,15 +23,50 @@ def _cache_folder() -> str:
 
     Numba recompiles a function when its own file changes, but neither when a function that it
     calls does nor when a constant that it took from another module does. A digest of all sources
-    in the folder's name makes a stale result impossible.
+    that can matter, in the folder's name, makes a stale result impossible.
     """
-    roots = [Path(__file__).resolve().parent]
-    roots += [roots[0].parent / 'snca_ros']
     digest = hashlib.sha256(numba.__version__.encode())
-    for path in sorted(p for root in roots for p in root.rglob('*.py')):
-        digest.update(path.read_bytes())
+    for source in _sources(Path(__file__).resolve().parent.parent):
+        digest.update(source)
     home = os.environ.get('XDG_CACHE_HOME') or os.path.join(os.path.expanduser('~'), '.cache')
     return os.path.join(home, 'snca_ros', digest.hexdigest()[:16])
+
+
+def _sources(root: Path) -> list[bytes]:
+    """Return the modules below `root` that compile something, and all that they import."""
+    packages = root / 'sim_node', root / 'snca_ros'
+    sources = {
+        '.'.join(path.relative_to(root).with_suffix('').parts): path.read_bytes()
+        for package in packages
+        for path in package.rglob('*.py')
+    }
+    imports = {name: _imports(source) for name, source in sources.items()}
+    needed, waiting = set[str](), [name for name in sources if _compiles(imports[name])]
+    while waiting:
+        name = waiting.pop()
+        if name not in needed:
+            needed.add(name)
+            waiting += [other for other in imports[name] if other in sources]
+    return [sources[name] for name in sorted(needed)]
+
+
+def _compiles(imports: set[str]) -> bool:
+    """Tell whether a module with these `_imports` has compiled functions."""
+    return any(
+        name.startswith(f'{__name__}.') and not name.endswith('.warm_up') for name in imports
+    )
+
+
+_IMPORT = re.compile(rb'^ *from ([\w.]+) import (\([^)]*\)|.*)', re.MULTILINE)
+
+
+def _imports(source: bytes) -> set[str]:
+    """Return the modules, and the names as module.name, that a source imports from."""
+    found = set[str]()
+    for module, names in _IMPORT.findall(source):
+        found.add(module.decode())
+        found |= {b'.'.join((module, name)).decode() for name in re.findall(rb'\w+', names)}
+    return found
 
 
 def _cached(decorate: Callable) -> Callable:
