@@ -1,15 +1,16 @@
-"""All benchmarks: offline episodes, both engines, evolution, and the graph of real processes.
+"""All benchmarks: offline episodes, both engines, lanes, evolution, graphs of real processes.
 
 python -m benchmarks [--quick] [--json FILE]
 """
 
-from benchmarks import batched, evolution, graph, offline
+from benchmarks import batched, evolution, graph, lane_loops, offline
 from benchmarks.command import run_all
 
 if __name__ == '__main__':
     run_all(__doc__, {
         'offline': (offline.measure, offline.table),
         'batched': (batched.measure, batched.table),
+        'lane loops': (lane_loops.measure, lane_loops.table),
         'evolution': (evolution.measure, evolution.table),
         'graph': (graph.measure, graph.table),
     })

@@ -96,12 +96,16 @@ def compiled(function: Callable) -> Callable:
     return _compiled(function)
 
 
-def compiled_part(function: Callable) -> Callable:
-    """Compile `function` for compiled code alone; Python cannot call it.
+_PART = {'no_cpython_wrapper': True, '_nrt': False}
 
-    Half the work of compiling a function of many arrays is to turn Python's values into them.
+
+def compiled_part(function: Callable) -> Callable:
+    """Compile `function`, which makes no arrays, for compiled code alone; Python cannot call it.
+
+    Half the work of compiling a function of many arrays is to turn Python's values into them, and
+    half the time of a short one would go into counting references to them.
     """
-    return _compiled(function, no_cpython_wrapper=True)
+    return _compiled(function, **_PART)
 
 
 def compiled_inline(function: Callable) -> Callable:
@@ -110,8 +114,8 @@ def compiled_inline(function: Callable) -> Callable:
 
 
 def inlined_part(function: Callable) -> Callable:
-    """Compile a part into each of its callers; Python cannot call it."""
-    return _compiled(function, no_cpython_wrapper=True, forceinline=True)
+    """Compile such a part into each of its callers."""
+    return _compiled(function, forceinline=True, **_PART)
 
 
 class _NoAlias(Compiler):

@@ -39,14 +39,27 @@ def soft_normalise(value, low, high):
     return tanh((2.0 * u - 1.0) * 2.0) / 2.0 + 0.5
 
 
+@compiled_inline
+def twice_area(x, y):
+    """Return twice the area of a voxel from its corners' x and y, 4-tuples NW, NE, SE, SW.
+
+    Numbers or lanes.
+    """
+    total = x[1] * y[0] - x[0] * y[1]
+    total = total + (x[2] * y[1] - x[1] * y[2])
+    total = total + (x[3] * y[2] - x[2] * y[3])
+    return total + (x[0] * y[3] - x[3] * y[0])
+
+
 @compiled
 def polygon_area(corners):
     """Return the area [m^2] of a voxel from its (4, 2) corners [m] NW, NE, SE, SW."""
-    twice = 0.0
-    for i in range(4):
-        j = (i + 1) % 4
-        twice += corners[j, 0] * corners[i, 1] - corners[i, 0] * corners[j, 1]
-    return twice / 2.0
+    return twice_area(_column(corners, 0), _column(corners, 1)) / 2.0
+
+
+@compiled_inline
+def _column(rows, j):
+    return rows[0, j], rows[1, j], rows[2, j], rows[3, j]
 
 
 @compiled_kernel
@@ -66,21 +79,21 @@ def outer_corners(masses, half_side, corners):
         corners[i, 1] = masses[i, 1] + s * sx + c * sy
 
 
-@compiled
-def own_velocity(masses):
+@compiled_inline
+def own_velocity(x, y, vx, vy):
     """Return the mean velocity (along, across) [m/s] of one voxel's masses in its own axes.
 
-    The voxel's x axis points along the mean direction of its top and its bottom side.
+    The voxel's x axis points along the mean direction of its top and its bottom side. Arguments are
+    4-tuples of the masses NW, NE, SE, SW: numbers or lanes.
     """
-    top_x, top_y = masses[1, 0] - masses[0, 0], masses[1, 1] - masses[0, 1]
-    low_x, low_y = masses[2, 0] - masses[3, 0], masses[2, 1] - masses[3, 1]
-    top, low = math.sqrt(top_x**2 + top_y**2), math.sqrt(low_x**2 + low_y**2)
-    x, y = top_x / top + low_x / low, top_y / top + low_y / low
-    length = math.sqrt(x**2 + y**2)
-    c, s = x / length, y / length
-    vx = (masses[0, 3] + masses[1, 3] + masses[2, 3] + masses[3, 3]) / 4.0
-    vy = (masses[0, 4] + masses[1, 4] + masses[2, 4] + masses[3, 4]) / 4.0
-    return c * vx + s * vy, c * vy - s * vx
+    top_x, top_y = x[1] - x[0], y[1] - y[0]
+    low_x, low_y = x[2] - x[3], y[2] - y[3]
+    top, low = math.sqrt(top_x * top_x + top_y * top_y), math.sqrt(low_x * low_x + low_y * low_y)
+    axis_x, axis_y = top_x / top + low_x / low, top_y / top + low_y / low
+    length = math.sqrt(axis_x * axis_x + axis_y * axis_y)
+    c, s = axis_x / length, axis_y / length
+    mean_vx, mean_vy = (vx[0] + vx[1] + vx[2] + vx[3]) / 4.0, (vy[0] + vy[1] + vy[2] + vy[3]) / 4.0
+    return c * mean_vx + s * mean_vy, c * mean_vy - s * mean_vx
 
 
 @compiled
@@ -109,7 +122,9 @@ def measure(voxel, step, touching, area_ratio, touches, velocities, measures):
             mean velocities [m/s].
     """
     touches[step % TOUCH_WINDOW] = touching
-    along, across = own_velocity(voxel)
+    along, across = own_velocity(
+        _column(voxel, 0), _column(voxel, 1), _column(voxel, 3), _column(voxel, 4)
+    )
     velocities[0, step % VELOCITY_WINDOW] = along
     velocities[1, step % VELOCITY_WINDOW] = across
     measures[0] = area_ratio

@@ -59,7 +59,6 @@ class Group(NamedTuple):
     rest_area: float  # of a voxel [m^2]
 
     spring_table: np.ndarray  # (n_springs, 9) see `spring_rows`
-    halvings: int  # for `decay` of the strongest spring damping
     limits_table: np.ndarray  # (n_limits,) least distance [m]
     weld_ends: np.ndarray  # (n_welds, 2) masses, the same for 2 k and 2 k + 1
     weld_anchors: np.ndarray  # (n_welds, 4) [m]
@@ -79,6 +78,7 @@ class Group(NamedTuple):
     in_use: np.ndarray  # (n_masses * slots,) rows of `contacts` that some lane touches now
     schedule: np.ndarray  # (n_masses * slots**2, 2) rows of `contacts` and whose turn it is
     scheduled: np.ndarray  # (1,) how much of it is filled
+    deep: np.ndarray  # (1,) whether some lane has an overlap to mend
 
     corners: np.ndarray  # lanes (n_voxels * 4, 2) outer corners [m]
     area_ratios: np.ndarray  # lanes (n_voxels, 1)
@@ -140,7 +140,6 @@ def make_group(
             table.stiffness[springs] * dt / material.mass,
             table.damping[springs] * dt / material.mass,
         ]),
-        halvings=_halvings(body, material, dt),
         limits_table=table.rest[limits],
         weld_ends=table.ends[welds].astype(np.int64),
         weld_anchors=table.anchors[welds],
@@ -159,6 +158,7 @@ def make_group(
         in_use=np.zeros(n_masses * slots, dtype=np.bool_),
         schedule=np.zeros((n_masses * slots**2, 2), dtype=np.int64),
         scheduled=np.zeros(1, dtype=np.int64),
+        deep=np.zeros(1, dtype=np.bool_),
         corners=zeros((n_voxels * 4, 2), width),
         area_ratios=zeros((n_voxels, 1), width),
         touching=zeros((n_voxels, 1), width),
@@ -213,15 +213,6 @@ def _check_order(body: Body) -> None:
     known = consecutive and kinds.all() and as_expected and at_centres
     if not (known and in_turn and backwards and in_pairs):
         raise AssertionError('the batched engine does not know this order of constraints')
-
-
-def _halvings(body: Body, material: Material, dt: float) -> int:
-    """Return how often to halve the exponent of the strongest damping to get below 1/4."""
-    table = body.constraints
-    arms = (table.anchors[table.kinds == SPRING] ** 2).reshape(-1, 2, 2).sum(axis=2)
-    inverse_mass = 2.0 / material.mass + arms.sum(axis=1) / material.moment  # at its most
-    strongest = float((table.damping[table.kinds == SPRING] * inverse_mass).max()) * dt
-    return max(0, math.ceil(math.log2(max(4.0 * strongest, 1e-9))))
 
 
 def _polygon_rows(ground: np.ndarray) -> np.ndarray:

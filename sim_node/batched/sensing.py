@@ -1,6 +1,4 @@
-"""The voxels' sensors in lanes: `sim_node.sensors`, operation by operation."""
-
-import math
+"""The voxels' sensors in lanes, by the arithmetic of `sim_node.sensors`."""
 
 from sim_node.batched.group import COS, SIN, STAMP, VX, VY, X, Y
 from sim_node.compiled import compiled, compiled_part, inlined_part
@@ -13,7 +11,9 @@ from sim_node.sensors import (
     SPEED,
     TOUCH_WINDOW,
     VELOCITY_WINDOW,
+    own_velocity,
     soft_normalise,
+    twice_area,
 )
 
 
@@ -32,7 +32,9 @@ def sense(group, step):
         touching = _touching(contacts, in_use, group.slots, now, i)
         store(group.touching, i, 0, touching)
         store(group.touches, i * TOUCH_WINDOW + step % TOUCH_WINDOW, 0, touching)
-        along, across = _own_velocity(masses, i)
+        along, across = own_velocity(
+            _four(masses, i, X), _four(masses, i, Y), _four(masses, i, VX), _four(masses, i, VY)
+        )
         newest = i * VELOCITY_WINDOW + step % VELOCITY_WINDOW
         store(group.velocities, newest, 0, along)
         store(group.velocities, newest, 1, across)
@@ -58,13 +60,17 @@ def _outline(masses, corners, half, i):
         c, s = load(masses, j, COS), load(masses, j, SIN)
         store(corners, j, 0, load(masses, j, X) + c * sx - s * sy)
         store(corners, j, 1, load(masses, j, Y) + s * sx + c * sy)
-    twice = like(load(masses, 0, X), 0.0)
-    for j in range(4 * i, 4 * i + 4):
-        k = 4 * i + (j + 1) % 4
-        twice += load(corners, k, 0) * load(corners, j, 1) - load(
-            corners, j, 0
-        ) * load(corners, k, 1)
-    return twice / 2.0
+    return twice_area(_four(corners, i, 0), _four(corners, i, 1)) / 2.0
+
+
+@inlined_part
+def _four(rows, i, field):
+    """Return a field of voxel i's four rows."""
+    j = 4 * i
+    return (
+        load(rows, j, field), load(rows, j + 1, field),
+        load(rows, j + 2, field), load(rows, j + 3, field),
+    )
 
 
 @inlined_part
@@ -76,27 +82,6 @@ def _touching(contacts, in_use, slots, now, i):
             touches = load(contacts, row, STAMP) == like(touching, now)
             touching = select(touches, 1.0, touching)
     return touching
-
-
-@inlined_part
-def _own_velocity(masses, i):
-    """Return the mean velocity (along, across) of voxel i's masses in its own axes."""
-    m = 4 * i
-    top_x = load(masses, m + 1, X) - load(masses, m, X)
-    top_y = load(masses, m + 1, Y) - load(masses, m, Y)
-    low_x = load(masses, m + 2, X) - load(masses, m + 3, X)
-    low_y = load(masses, m + 2, Y) - load(masses, m + 3, Y)
-    top = math.sqrt(top_x * top_x + top_y * top_y)
-    low = math.sqrt(low_x * low_x + low_y * low_y)
-    x, y = top_x / top + low_x / low, top_y / top + low_y / low
-    length = math.sqrt(x * x + y * y)
-    c, s = x / length, y / length
-    vx = like(x, 0.0)
-    vy = like(x, 0.0)
-    for j in range(m, m + 4):
-        vx, vy = vx + load(masses, j, VX), vy + load(masses, j, VY)
-    vx, vy = vx / 4.0, vy / 4.0
-    return c * vx + s * vy, c * vy - s * vx
 
 
 @inlined_part

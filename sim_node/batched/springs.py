@@ -2,9 +2,9 @@
 
 import math
 
-from sim_node.batched.elementary import decay
 from sim_node.batched.group import COS, N_SPRINGS, SIN, SPIN, VX, VY, X, Y
 from sim_node.compiled import compiled_part, inlined_part
+from sim_node.elementary import expm1
 from sim_node.lanes import load, select, store
 
 _NX, _NY, _ARM_A, _ARM_B, _DRAG, _PULL, _TARGET = range(7)
@@ -58,7 +58,7 @@ def stretch_springs(group, ends):
         store(springs, k, _NY, ny)
         store(springs, k, _ARM_A, arm_a)
         store(springs, k, _ARM_B, arm_b)
-        drag = decay(table[k, 8] * stiff, group.halvings)
+        drag = -expm1(max(-table[k, 8] * stiff, -700.0))
         store(springs, k, _DRAG, drag)
         store(springs, k, _PULL, drag / stiff)
         store(springs, k, _TARGET, 0.0)

@@ -7,7 +7,12 @@ starting after Catto, "Iterative dynamics with temporal coherence" (2005).
 
 import numpy as np
 
-from sim_node.batched.contacts import apply_contacts_of_last_step, find_contacts, push_contacts
+from sim_node.batched.contacts import (
+    apply_contacts_of_last_step,
+    find_contacts,
+    mend_overlaps,
+    push_contacts,
+)
 from sim_node.batched.group import (
     ANGLE,
     BIAS_SPIN,
@@ -45,6 +50,7 @@ def physics_step(group):
     fall(group.masses, group.damping, group.fall)
     apply_contacts_of_last_step(group)
     apply_joints_of_last_step(group, _LIMIT_ENDS)
+    mend_overlaps(group)
     for _ in range(group.iterations):
         push_contacts(group)
         sweep(group)

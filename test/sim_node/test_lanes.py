@@ -7,9 +7,8 @@ import sys
 import numpy as np
 import pytest
 
-from sim_node.batched.elementary import decay
 from sim_node.compiled import compiled
-from sim_node.elementary import floor, sine_cosine, tanh
+from sim_node.elementary import expm1, floor, sine_cosine, tanh
 from sim_node.lanes import (
     any_lane,
     bits_of,
@@ -40,12 +39,6 @@ def _sine_cosine(angles, results):
         store(results, i, 1, c)
 
 
-@compiled
-def _decay(xs, halvings):
-    for i in range(xs.shape[0]):
-        store(xs, i, 0, decay(load(xs, i, 0), halvings))
-
-
 @pytest.mark.parametrize('width', [1, 4, 16])
 def test_arithmetic_acts_lane_by_lane(width):
     array = zeros((50, 5), width)
@@ -69,15 +62,6 @@ def test_sine_and_cosine(extent):
     exact = angles['lane'][:, 0].astype(np.longdouble)
     assert np.abs(results['lane'][:, 0] - np.sin(exact)).max() < 2e-16
     assert np.abs(results['lane'][:, 1] - np.cos(exact)).max() < 2e-16
-
-
-@pytest.mark.parametrize('halvings', [0, 2, 5])
-def test_decay(halvings):
-    xs = zeros((2000, 1), 16)
-    xs['lane'][:] = np.random.default_rng(2).uniform(0.0, 2.0**halvings / 4, xs['lane'].shape)
-    exact = -np.expm1(-xs['lane'].astype(np.longdouble))
-    _decay(xs, halvings)
-    np.testing.assert_allclose(xs['lane'], exact.astype(float), rtol=1e-15, atol=0.0)
 
 
 @compiled
@@ -104,7 +88,7 @@ def _of_lanes(a):
     for i in range(a.shape[0]):
         x = load(a, i, 0)
         s, c = sine_cosine(x)
-        for field, value in enumerate((tanh(x), floor(x), s, c)):
+        for field, value in enumerate((tanh(x), floor(x), s, c, expm1(x))):
             store(a, i, 1 + field, value)
 
 
@@ -112,18 +96,18 @@ def _of_lanes(a):
 def _of_numbers(xs, results):
     for i in range(xs.shape[0]):
         s, c = sine_cosine(xs[i])
-        results[i] = tanh(xs[i]), floor(xs[i]), s, c
+        results[i] = tanh(xs[i]), floor(xs[i]), s, c, expm1(xs[i])
 
 
 def test_a_function_of_lanes_is_that_of_numbers():
-    array = zeros((500, 5), 8)
+    array = zeros((500, 6), 8)
     floats = array['lane']
     floats[:, 0] = np.random.default_rng(4).normal(0.0, 10.0, (500, 8))
     floats[:4, 0] = np.array([0.0, -0.0, 7.0, -7.0])[:, None]
     _of_lanes(array)
-    numbers = np.empty((4000, 4))
+    numbers = np.empty((4000, 5))
     _of_numbers(floats[:, 0].ravel(), numbers)
-    alone = numbers.reshape(500, 8, 4).transpose(0, 2, 1)
+    alone = numbers.reshape(500, 8, 5).transpose(0, 2, 1)
     np.testing.assert_array_equal(floats[:, 1:].view(np.int64), alone.copy().view(np.int64))
     np.testing.assert_array_equal(floats[:, 2], np.floor(floats[:, 0]))
 

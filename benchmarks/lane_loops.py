@@ -1,0 +1,102 @@
+"""The vector type of `sim_node.lanes` beside plain loops over lanes.
+
+    python -m benchmarks.lane_loops [--quick] [--json FILE]
+
+The damping of all springs of a group, W = 16, the innermost work of a step, written both ways: on
+values of lanes, and as a loop over lanes for LLVM to vectorise, once as it comes and once promised
+that its arrays do not overlap. All give the same bits. Rounds take turns; medians of CPU time.
+"""
+
+import statistics
+
+import numba
+import numpy as np
+
+from benchmarks.batched import new_robots, seconds
+from benchmarks.command import run_part
+from sim_node.batched.group import ENDS, N_SPRINGS, SPIN, VX, VY
+from sim_node.batched.springs import damp, get_velocity, set_velocity
+from sim_node.compiled import compiled, compiled_kernel
+from sim_node.simulation import Simulation
+
+_ENDS = np.array(ENDS[:N_SPRINGS])
+
+
+@compiled
+def by_type(group, springs, masses, n):
+    """Let every spring damp `n` times, on values of lanes."""
+    for _ in range(n):
+        for k in range(springs.shape[0]):
+            voxel = k // N_SPRINGS
+            a, b = 4 * voxel + _ENDS[k % N_SPRINGS, 0], 4 * voxel + _ENDS[k % N_SPRINGS, 1]
+            va, vb = damp(springs, k, get_velocity(masses, a), get_velocity(masses, b))
+            set_velocity(masses, a, va)
+            set_velocity(masses, b, vb)
+
+
+def _loop(springs, a, b):
+    """Do what `damp` does, for a spring (7, W) between masses (11, W), lane after lane."""
+    for i in range(16):
+        nx, ny, arm_a, arm_b = springs[0, i], springs[1, i], springs[2, i], springs[3, i]
+        target, drag = springs[6, i], springs[4, i]
+        spin = arm_b * b[SPIN, i] - arm_a * a[SPIN, i]
+        excess = (target - spin) - (nx * (b[VX, i] - a[VX, i]) + ny * (b[VY, i] - a[VY, i]))
+        j = excess * springs[5, i]
+        springs[6, i] = (target - excess) + excess * drag
+        a[VX, i] -= nx * j
+        a[VY, i] -= ny * j
+        a[SPIN, i] -= arm_a * j
+        b[VX, i] += nx * j
+        b[VY, i] += ny * j
+        b[SPIN, i] += arm_b * j
+
+
+def _sweeps(loop):
+    @numba.njit(error_model='numpy', _nrt=False)
+    def by_loops(group, springs, masses, n):
+        for _ in range(n):
+            for k in range(springs.shape[0]):
+                voxel = k // N_SPRINGS
+                a, b = 4 * voxel + _ENDS[k % N_SPRINGS, 0], 4 * voxel + _ENDS[k % N_SPRINGS, 1]
+                loop(springs[k], masses[a], masses[b])
+
+    return by_loops
+
+
+def measure(quick: bool) -> dict:
+    """Return CPU time per spring and robot [ns] of each way."""
+    robots = new_robots(Simulation('biped'), 16)
+    start = np.random.default_rng(0)
+    group, n = robots.group, 20 if quick else 200
+    springs, masses = group.springs['lane'], group.mass_lanes
+    springs[:] = start.uniform(0.0, 0.2, springs.shape)
+    masses[:] = start.uniform(-1.0, 1.0, masses.shape)
+    first = springs.copy(), masses.copy()
+    plain = numba.njit(_loop, error_model='numpy', _nrt=False)
+    ways = {
+        'vector type': (by_type, group.springs, group.masses),
+        'loops': (_sweeps(plain), springs, masses),
+        'loops, no overlap': (_sweeps(compiled_kernel(_loop)), springs, masses),
+    }
+    ends, times = set[bytes](), {name: [] for name in ways}
+    for _ in range(5 if quick else 25):
+        for name, (run, *arrays) in ways.items():
+            springs[:], masses[:] = first
+            run(group, *arrays, 1)
+            ends.add(springs.tobytes() + masses.tobytes())
+            times[name].append(seconds(run, group, *arrays, n) / (n * springs.shape[0] * 16) * 1e9)
+    return {
+        'ns': {name: statistics.median(t[1:]) for name, t in times.items()},
+        'same_bits': len(ends) == 1,
+    }
+
+
+def table(figures: dict) -> str:
+    """Return the figures as text."""
+    ns = figures['ns']
+    lines = [f'{t / ns["vector type"]:6.2f} x   {t:6.2f} ns   {name}' for name, t in ns.items()]
+    return '\n'.join([*lines, f'the same bits: {figures["same_bits"]}'])
+
+
+if __name__ == '__main__':
+    run_part(__doc__, measure, table)
