@@ -25,7 +25,6 @@ CASES = (
     ('biped', 'U-nD', 'snn-h'), ('comb', 'U-nD', 'snn-h'),
     ('biped', 'U-D', 'mlp'), ('worm', 'U-D', 'mlp'),
 )
-PUSH = 1e-6  # m
 PARTED = 1e-3  # m
 
 
@@ -57,10 +56,8 @@ def measure_case(shape: str, name: str, model: str, n: int) -> dict:
     """Return how the walks of n controllers differ."""
     architecture = Architecture.named(name, model)
     thetas = draw_controllers(shape, architecture, n)
-    plain, pushed = Simulation(shape), Simulation(shape)
+    plain, pushed = Simulation(shape), Simulation(shape, push=1)
     morphology = plain.morphology
-    rng = np.random.default_rng(1)
-    pushed._body.positions[:] += rng.uniform(-PUSH, PUSH, pushed._body.positions.shape)
     robots = Robots(morphology, plain.terrain, plain.material, plain.solver, WIDTH)
     walks = {
         'pymunk': [run_episode(plain, Controller(architecture, morphology, t)) for t in thetas],

@@ -6,7 +6,7 @@ welds to neighbours with a smaller index.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +20,9 @@ CORNERS = ((-1, 1), (1, 1), (1, -1), (-1, -1))
 
 SPRING, LIMIT, WELD = range(3)
 """Kinds of constraint: a damped spring; a least distance; a pivot, two anchors held together."""
+
+PUSH = 1e-6
+"""How far a pushed start moves a mass in x and in y at most [m]."""
 
 _SIDES = ((0, 1), (1, 2), (2, 3), (3, 0))
 
@@ -72,6 +75,14 @@ def build_body(morphology: Morphology, terrain: Terrain, material: Material) -> 
         _constraints(morphology, material),
         _rest_lengths(morphology, material),
     )
+
+
+def pushed(body: Body, seed: int) -> Body:
+    """Return the robot with every mass moved by up to `PUSH` in x and in y; seed 0 moves none."""
+    if seed == 0:
+        return body
+    displacement = np.random.default_rng(seed).uniform(-PUSH, PUSH, body.positions.shape)
+    return replace(body, positions=body.positions + displacement)
 
 
 def placement(morphology: Morphology, terrain: Terrain, material: Material) -> tuple[float, float]:

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_node import munk
-from sim_node.batched.robots import OneRobot, Robots, one_robot
-from sim_node.body import build_body
+from sim_node.batched.robots import OneRobot, Robots, advance_group, one_robot
+from sim_node.body import build_body, pushed
 from sim_node.compiled import compiled
 from sim_node.errors import InvalidInput
 from sim_node.material import Material
@@ -151,6 +151,9 @@ class Simulation:
         sensor_noise: standard deviation of N(0, sigma) added to readings.
         seed: of the sensor noise; every `reset` starts it anew.
         engine: one of `sim_node.solver.ENGINES`.
+        push: 0, or the seed of a pushed start: every mass begins up to `sim_node.body.PUSH` away
+            from its place in x and in y. The closed loop is chaotic, so each push is another walk
+            of the same robot, and the mean over several says more than the one episode.
 
     Attributes:
         world: what the engine reads and writes.
@@ -172,6 +175,7 @@ class Simulation:
         sensor_noise: float = 0.0,
         seed: int = 0,
         engine: str = 'pymunk',
+        push: int = 0,
     ) -> None:
         if not isinstance(morphology, Morphology):
             morphology = parse_morphology(morphology)
@@ -180,17 +184,18 @@ class Simulation:
         is_number = isinstance(sensor_noise, (int, float)) and not isinstance(sensor_noise, bool)
         if not is_number or not 0.0 <= sensor_noise <= 10.0:
             raise InvalidInput('sensor_noise', sensor_noise, 'a number from 0 to 10')
-        if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-            raise InvalidInput('seed', seed, 'an integer from 0')
+        for name, value in (('seed', seed), ('push', push)):
+            if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+                raise InvalidInput(name, value, 'an integer from 0')
         check_engine(engine, solver or Solver())
         self.morphology, self.terrain, self.engine = morphology, terrain, engine
         self.material = material or Material()
         self.solver = solver or Solver()
-        self.sensor_noise, self.seed = float(sensor_noise), seed
+        self.sensor_noise, self.seed, self.push = float(sensor_noise), seed, push
+        self._body = pushed(build_body(morphology, terrain, self.material), push)
         if engine == 'batched':
             self._robots = Robots(morphology, terrain, self.material, self.solver, width=1)
         else:
-            self._body = build_body(morphology, terrain, self.material)
             self._ground = terrain.polygons
         self.step_count = 0
         self.reset()
@@ -203,6 +208,9 @@ class Simulation:
         if self.engine == 'batched':
             self._robots.reset()
             self.world = one_robot(self._robots.group)
+            if self.push:
+                self.world.masses[:, :2] = self._body.positions
+                advance_group(self._robots.group, 0)  # only senses
         else:
             self.world = self._new_world()
             sense(self.world, 0)

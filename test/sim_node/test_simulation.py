@@ -16,7 +16,7 @@ from sim_node.material import Material
 from sim_node.morphology import parse_morphology
 from sim_node.pymunk_view import pymunk_view
 from sim_node.simulation import Diverged, Simulation
-from sim_node.solver import Solver
+from sim_node.solver import ENGINES, Solver
 from sim_node.terrain import parse_terrain
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -339,10 +339,36 @@ def test_names_and_numbers_are_checked():
             Simulation('1', sensor_noise=noise)
 
 
-@pytest.mark.parametrize('seed', [-1, 1.5, 'x'])
-def test_seed_is_checked(seed):
-    with pytest.raises(InvalidInput, match='seed'):
-        Simulation('1', seed=seed)
+@pytest.mark.parametrize('seed', [-1, 1.5, 'x', True])
+def test_seeds_are_checked(seed):
+    for name in ('seed', 'push'):
+        with pytest.raises(InvalidInput, match=name):
+            Simulation('1', **{name: seed})
+
+
+@pytest.mark.parametrize('engine', ['pymunk', 'batched'])
+def test_a_pushed_start_is_near_and_another_walk(engine):
+    exact, *pushed = (Simulation('biped', engine=engine, push=seed) for seed in (0, 1, 2))
+    at_rest = exact.world.masses.copy()
+    for simulation in pushed:
+        moved = simulation.world.masses - at_rest
+        assert 0.9e-6 < np.abs(moved[:, :2]).max() <= 1.001e-6  # of 80 numbers, one is large
+        assert not moved[:, 2:].any()
+        areas = simulation.reset()[:, 0] - exact.reset()[:, 0]
+        assert 0.0 < np.abs(areas).max() < 1e-5  # the sensors see it
+    assert not np.array_equal(pushed[0].world.masses, pushed[1].world.masses)
+
+
+def test_a_pushed_start_is_the_same_in_both_engines_and_after_a_reset():
+    one, other = (Simulation('comb', 'hilly-1-10-0', engine=e, push=3) for e in ENGINES)
+    start, readings = one.world.masses.copy(), one.world.readings.copy()
+    assert np.array_equal(other.world.masses, start)
+    np.testing.assert_allclose(other.world.readings, readings, rtol=0.0, atol=1e-12)
+    for simulation in (one, other):
+        before = simulation.world.readings.copy()
+        run(simulation, 0.5, 1.0)
+        assert np.array_equal(simulation.reset(), before)
+        assert np.array_equal(simulation.world.masses, start)
 
 
 def test_solver_is_checked():
