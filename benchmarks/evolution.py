@@ -6,6 +6,7 @@ Wall-clock time of whole runs of `evolve` against episodes run one after the oth
 process; needs two idle cores. The parent's share is its CPU time over that of all processes.
 """
 
+import multiprocessing
 import resource
 import tempfile
 import time
@@ -17,8 +18,9 @@ from benchmarks.command import run_part
 from snca_ros.cell.nca import Architecture
 from snca_ros.evolution.checkpoint import RunFolder
 from snca_ros.evolution.config import RunConfig
+from snca_ros.evolution.evaluator import Evaluator, evaluate
 from snca_ros.evolution.evolve import evolve
-from snca_ros.evolution.workers import Evaluator, WorkerPool
+from snca_ros.evolution.workers import local_workers
 
 
 def config_of(evaluations: int, duration: float, engine: str = 'pymunk') -> RunConfig:
@@ -52,7 +54,8 @@ def run_evolution(config: RunConfig, n_workers: int) -> dict:
         run = RunFolder.create(Path(folder) / 'run', config)
         own, children = cpu_seconds(resource.RUSAGE_SELF), cpu_seconds(resource.RUSAGE_CHILDREN)
         start = time.perf_counter()
-        evolve(run, n_workers, lambda progress: times.append(time.perf_counter()))
+        with local_workers(n_workers) as workers:
+            evolve(run, workers, lambda progress: times.append(time.perf_counter()))
         whole = time.perf_counter() - start
         run.close()
     own = cpu_seconds(resource.RUSAGE_SELF) - own
@@ -71,13 +74,14 @@ def memory(evaluations: int) -> list[dict]:
     """Return the resident memory [MB] of parent and worker as evaluations go by."""
     config = config_of(evaluations, 0.5)
     rng, seen = np.random.default_rng(0), []
-    with WorkerPool(config, 1) as pool:
+    with local_workers(1) as workers:
         done, every = 0, max(evaluations // 10, 36)
         while done < evaluations:
             n = min(every, evaluations - done)
-            list(pool.evaluate(rng.uniform(-1.0, 1.0, (n, config.n_parameters))))
+            list(evaluate(workers, config, rng.uniform(-1.0, 1.0, (n, config.n_parameters))))
             done += n
-            seen.append({'evaluations': done, 'megabytes': [resident(p) for p in pool.processes]})
+            megabytes = [resident(process.pid) for process in multiprocessing.active_children()]
+            seen.append({'evaluations': done, 'megabytes': megabytes})
     return seen
 
 

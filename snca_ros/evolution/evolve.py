@@ -1,7 +1,6 @@
 """The offline evolution script: trains the parameters that the voxel nodes load."""
 
 import argparse
-import os
 import signal
 import sys
 import time
@@ -17,14 +16,15 @@ from sim_node.solver import ENGINES
 from snca_ros.cell.nca import ARCHITECTURES, NEURON_MODELS, Architecture
 from snca_ros.evolution.checkpoint import Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
+from snca_ros.evolution.evaluator import evaluate
 from snca_ros.evolution.strategy import SimpleEvolutionStrategy
-from snca_ros.evolution.workers import WorkerPool
+from snca_ros.evolution.workers import Workers, add_worker_arguments, open_workers
 
 INTERRUPTED = 130
 
 
 def evolve(
-    folder: RunFolder, n_workers: int, report: Callable[[Progress], None] = lambda progress: None
+    folder: RunFolder, workers: Workers, report: Callable[[Progress], None] = lambda progress: None
 ) -> Progress:
     """Run, or go on with, the run of `folder` until its evaluations are spent.
 
@@ -33,7 +33,7 @@ def evolve(
 
     Args:
         folder: the run; after every generation its files are up to date.
-        n_workers: processes that evaluate; the result does not depend on it.
+        workers: what evaluates; the result does not depend on it.
         report: called with the `Progress` after every generation.
     """
     config = folder.config
@@ -45,31 +45,30 @@ def evolve(
     if progress.history:
         strategy.restore(progress.strategy)
     if progress.evaluations < config.evaluations:
-        progress = _spend(folder, strategy, progress, n_workers, report)
+        progress = _spend(folder, strategy, progress, workers, report)
     if config.engine != 'pymunk' and not len(progress.reassessed):
         best = progress.strategy['individuals'][: config.n_elite]
-        with WorkerPool(replace(config, engine='pymunk'), n_workers) as pool:
-            progress = replace(progress, reassessed=np.array(list(pool.evaluate(best))))
+        scores = evaluate(workers, replace(config, engine='pymunk'), best)
+        progress = replace(progress, reassessed=np.array(list(scores)))
         folder.save(progress)
     return progress
 
 
 def _spend(
     folder: RunFolder, strategy: SimpleEvolutionStrategy, progress: Progress,
-    n_workers: int, report: Callable[[Progress], None],
+    workers: Workers, report: Callable[[Progress], None],
 ) -> Progress:
     config = folder.config
-    with WorkerPool(config, n_workers) as pool:
-        while progress.evaluations < config.evaluations:
-            candidates = strategy.ask()[: config.evaluations - progress.evaluations]
-            fitness = np.array(list(pool.evaluate(candidates)))
-            strategy.tell(candidates, fitness)
-            progress = Progress(
-                strategy.state(),
-                [*progress.history, _history_row(progress, fitness, strategy)],
-            )
-            folder.save(progress)
-            report(progress)
+    while progress.evaluations < config.evaluations:
+        candidates = strategy.ask()[: config.evaluations - progress.evaluations]
+        fitness = np.array(list(evaluate(workers, config, candidates)))
+        strategy.tell(candidates, fitness)
+        progress = Progress(
+            strategy.state(),
+            [*progress.history, _history_row(progress, fitness, strategy)],
+        )
+        folder.save(progress)
+        report(progress)
     return progress
 
 
@@ -134,8 +133,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     new.add_argument('--transient', type=float, help='seconds not scored (default 5)')
     parser.add_argument('--run', type=Path, help='run folder (default runs/<what it is>)')
     parser.add_argument('--resume', type=Path, metavar='RUN', help='go on with a stopped run')
-    parser.add_argument('--workers', type=int, default=os.cpu_count() or 1,
-                        help='processes that evaluate (default: all cores)')
+    add_worker_arguments(parser)
 
 
 _OF_THE_CELL = ('n_c', 'hidden', 'as_printed')
@@ -173,8 +171,7 @@ def _default_folder(config: RunConfig) -> Path:
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Evolve as the command line says; return the exit code."""
-    if args.workers < 1:
-        parser.error(f'--workers: got {args.workers}, expected at least 1')
+    opened = open_workers(args, parser)
     if args.resume:
         options = ('shape', 'architecture', 'neuron_model', *_OF_THE_CELL, *_OF_THE_RUN, 'run')
         extra = _given(args, options)
@@ -190,7 +187,8 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     try:
         done = folder.load().evaluations
         line = ProgressLine(folder.config.evaluations, done)
-        progress = evolve(folder, args.workers, line)
+        with opened as workers:
+            progress = evolve(folder, workers, line)
     except KeyboardInterrupt:
         print(f'\nstopped; go on with: snca evolve --resume {folder.path}', file=sys.stderr)
         return INTERRUPTED

@@ -1,81 +1,90 @@
-"""Evaluations in parallel processes, in the order asked for, whatever their number."""
+"""Where work is done: `concurrent.futures` executors of this process, this machine, a cluster."""
 
+import argparse
 import contextlib
 import multiprocessing
 import multiprocessing.connection
 import os
 import signal
 import threading
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Any
 
-import numpy as np
+from sim_node.errors import InvalidInput
 
-from sim_node.batched.robots import Robots
-from snca_ros.controller import Controller
-from snca_ros.evolution.config import RunConfig
-from snca_ros.evolution.crowd import run_episodes
-from snca_ros.evolution.locomotion import Episode, run_episode
-
-
-class Evaluator:
-    """Scores candidates of one run, one episode each, in the engine of its configuration.
-
-    A score depends on the candidate and the configuration alone, not on its companions.
-    """
-
-    def __init__(self, config: RunConfig) -> None:
-        self.config = config
-        self.simulation = config.simulation()
-        self._robots: dict[int, Robots] = {}
-
-    def __call__(self, thetas: np.ndarray, duration: float | None = None) -> list[float]:
-        """Return v_x [m/s] of each of (n, n_parameters) candidates; -inf if it diverged.
-
-        In the batched engine n is at most `WIDTHS[-1]`; their robots walk side by side.
-        """
-        duration = duration or self.config.duration
-        episodes = (
-            self._side_by_side(thetas, duration)
-            if self.config.engine == 'batched'
-            else self._one_by_one(thetas, duration)
-        )
-        return [episode.velocity(self.config.transient) for episode in episodes]
-
-    def _one_by_one(self, thetas: np.ndarray, duration: float) -> Iterator[Episode]:
-        for theta in thetas:
-            controller = Controller(self.config.architecture, self.simulation.morphology, theta)
-            yield run_episode(self.simulation, controller, duration)
-
-    def _side_by_side(self, thetas: np.ndarray, duration: float) -> list[Episode]:
-        simulation, width = self.simulation, group_width(len(thetas))
-        if width not in self._robots:
-            self._robots[width] = Robots(
-                simulation.morphology, simulation.terrain, simulation.material,
-                simulation.solver, width,
-            )
-        return run_episodes(
-            self._robots[width], self.config.architecture, simulation.morphology, thetas, duration
-        )
+_ANSWER_LIMIT = 60.0  # s, for a scheduler and its first worker
 
 
-WIDTHS = (4, 8, 16)
-"""Numbers of lanes for which the batched engine is compiled here, when it is needed."""
+@dataclass(frozen=True)
+class Workers:
+    """Something to compute with: an executor, and how many tasks it works on at a time now."""
+
+    executor: Executor
+    count: Callable[[], int]
 
 
-def group_width(n: int) -> int:
-    """Return the least of `WIDTHS` that holds `n` robots, or the largest."""
-    return next((width for width in WIDTHS if width >= n), WIDTHS[-1])
+def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options that `open_workers` needs."""
+    parser.add_argument('--workers', type=int, default=os.cpu_count() or 1,
+                        help='processes that evaluate (default: all cores)')
+    parser.add_argument('--scheduler', metavar='ADDRESS',
+                        help='use the workers of this Dask scheduler, as tcp://HOST:8786')
 
 
-_evaluator: Evaluator
+def open_workers(
+    args: argparse.Namespace, parser: argparse.ArgumentParser
+) -> AbstractContextManager[Workers]:
+    """Return the workers that the command line asks for; a context manager."""
+    if args.workers < 1:
+        parser.error(f'--workers: got {args.workers}, expected at least 1')
+    return cluster_workers(args.scheduler) if args.scheduler else local_workers(args.workers)
 
 
-def _start_worker(config: RunConfig) -> None:
-    global _evaluator
+class _InProcess(Executor):
+    """Does each task at once, where it is submitted."""
+
+    def submit(self, task: Callable, /, *args: Any, **kwargs: Any) -> Future:
+        future: Future = Future()
+        try:
+            future.set_result(task(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+IN_PROCESS = Workers(_InProcess(), lambda: 1)
+"""No other process at all."""
+
+
+class _LocalProcesses(ProcessPoolExecutor):
+    def submit(self, task: Callable, /, *args: Any, **kwargs: Any) -> Future:
+        with _interrupts_held():  # a worker that is starting must not see Ctrl-C
+            return super().submit(task, *args, **kwargs)
+
+    def kill(self) -> None:
+        for process in list((self._processes or {}).values()):
+            process.kill()
+
+
+@contextlib.contextmanager
+def local_workers(n: int) -> Iterator[Workers]:
+    """Give `n` processes of this machine; on any error they end at once."""
+    executor = _LocalProcesses(n, multiprocessing.get_context('spawn'), _start_worker)
+    try:
+        yield Workers(executor, lambda: n)
+    except BaseException:
+        executor.kill()
+        raise
+    finally:
+        executor.shutdown(wait=True, cancel_futures=True)
+
+
+def _start_worker() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    _evaluator = Evaluator(config)
 
 
 def _end_with_parent() -> None:
@@ -86,50 +95,6 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _evaluate(thetas: np.ndarray) -> list[float]:
-    return _evaluator(thetas)
-
-
-class WorkerPool:
-    """A pool of worker processes, each with a simulation of its own; a context manager."""
-
-    def __init__(self, config: RunConfig, n_workers: int) -> None:
-        self._engine, self._n_workers = config.engine, n_workers
-        # Compile, or load from the cache, once here rather than in every worker at once.
-        evaluator = Evaluator(config)
-        for n in {self._group_size(config.population), 1}:
-            evaluator(np.zeros((n, config.n_parameters)), 2.0 / 60.0)
-        self._executor = ProcessPoolExecutor(
-            n_workers, multiprocessing.get_context('spawn'), _start_worker, (config,)
-        )
-
-    def __enter__(self) -> 'WorkerPool':
-        return self
-
-    def __exit__(self, *exc_info: object) -> None:
-        self._executor.shutdown(wait=True, cancel_futures=True)
-
-    @property
-    def processes(self) -> list[int]:
-        """Return the process ids of the workers that have been started."""
-        return sorted(self._executor._processes or ())
-
-    def evaluate(self, candidates: np.ndarray) -> Iterator[float]:
-        """Yield the fitness of each candidate, in their order."""
-        size = self._group_size(len(candidates))
-        with _interrupts_held():  # a worker that is starting must not see Ctrl-C
-            futures = [
-                self._executor.submit(_evaluate, candidates[i : i + size])
-                for i in range(0, len(candidates), size)
-            ]
-        for future in futures:
-            yield from future.result()
-
-    def _group_size(self, n: int) -> int:
-        """Return how many of `n` candidates go to a worker at a time."""
-        return 1 if self._engine == 'pymunk' else group_width(-(-n // self._n_workers))
-
-
 @contextlib.contextmanager
 def _interrupts_held() -> Iterator[None]:
     old = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
@@ -137,3 +102,29 @@ def _interrupts_held() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, old)
+
+
+@contextlib.contextmanager
+def cluster_workers(address: str) -> Iterator[Workers]:
+    """Give the workers of the Dask scheduler at `address`; they may come, go and be killed.
+
+    Raises:
+        InvalidInput: the extra `cluster` is not installed, nobody answers, or there is no worker.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        expected = "none without Dask: pip install 'snca_ros[cluster]'"
+        raise InvalidInput('scheduler', address, expected) from None
+    try:
+        client = Client(address, timeout=_ANSWER_LIMIT)
+        client.wait_for_workers(1, timeout=_ANSWER_LIMIT)
+    except (OSError, ValueError) as error:
+        expected = f'the address of a Dask scheduler with workers ({error})'
+        raise InvalidInput('scheduler', address, expected) from None
+    executor = client.get_executor(pure=False)
+    try:
+        yield Workers(executor, lambda: max(1, sum(client.nthreads().values())))
+    finally:
+        executor.shutdown(wait=False)
+        client.close()

@@ -11,8 +11,9 @@ from snca_ros.cell.nca import Architecture
 from snca_ros.controller_file import load_controller
 from snca_ros.evolution.checkpoint import RunFolder
 from snca_ros.evolution.config import RunConfig
+from snca_ros.evolution.evaluator import Evaluator, group_width
 from snca_ros.evolution.evolve import evolve
-from snca_ros.evolution.workers import Evaluator, group_width
+from snca_ros.evolution.workers import IN_PROCESS, local_workers
 
 CONFIG = RunConfig(
     'worm-3x1', Architecture.named('U-D', 'mlp'), engine='batched',
@@ -22,7 +23,8 @@ CONFIG = RunConfig(
 
 def run(path, n_workers, config=CONFIG):
     folder = RunFolder.create(path, config)
-    progress = evolve(folder, n_workers)
+    with local_workers(n_workers) as workers:
+        progress = evolve(folder, workers)
     folder.close()
     return progress
 
@@ -74,12 +76,12 @@ def test_a_run_stopped_before_the_end_goes_on_to_the_same_end(whole, tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        evolve(folder, 1, stop)
+        evolve(folder, IN_PROCESS, stop)
     folder.close()
     unfinished = load_controller(tmp_path / 'run' / 'best.npz')
     assert (unfinished.chosen_by, list(unfinished.v_x)) == ('batched', ['batched'])
     folder = RunFolder.resume(tmp_path / 'run')
-    evolve(folder, 1)
+    evolve(folder, IN_PROCESS)
     folder.close()
     for name in ('history.csv', 'config.yaml'):
         assert (tmp_path / 'run' / name).read_text() == (path / name).read_text()
