@@ -6,7 +6,9 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 PACKAGE = 'snca_ros'
-EXECUTABLES = ('sim_node', 'voxel_node', 'recorder_node', 'evolve', 'walk', 'report', 'render')
+EXECUTABLES = (
+    'sim_node', 'voxel_node', 'recorder_node', 'evolve', 'walk', 'assess', 'report', 'render',
+)
 
 ROS = ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces']
 TEST = ['pytest', 'hypothesis', 'ruff', 'mypy', 'types-PyYAML']

@@ -1,9 +1,11 @@
-"""A recorded walk as one picture: where it went, how the voxels breathed, what the cells said."""
+"""Pictures: of a recorded walk, panel by panel, and of scores."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
@@ -20,22 +22,52 @@ _BLUE, _GREY = '#0072B2', '0.55'
 _AREA_RANGE = 0.25
 
 
-def save_figure(recording: Recording, path: Path | str) -> None:
-    """Draw `recording` and write the picture to `path`; its suffix tells the format.
+def check_figure(path: Path) -> str:
+    """Return the format that the suffix of `path` names; InvalidInput if there is none such."""
+    kinds, kind = FigureCanvasBase.get_supported_filetypes(), path.suffix[1:].lower()
+    if kind not in kinds:
+        raise InvalidInput('figure', str(path), f'a name that ends in .{", .".join(kinds)}')
+    return kind
+
+
+def write_figure(figure: Figure, path: Path) -> None:
+    """Write `figure` to `path`, atomically; its suffix tells the format.
 
     Raises:
         InvalidInput: `path` has an unknown suffix or cannot be written.
     """
-    path = Path(path)
-    figure = draw_recording(recording)
-    kinds = figure.canvas.get_supported_filetypes()
-    kind = path.suffix[1:].lower()
-    if kind not in kinds:
-        raise InvalidInput('figure', str(path), f'a name that ends in .{", .".join(kinds)}')
+    kind = check_figure(path)
     try:
         write_atomically(path, lambda file: figure.savefig(file, format=kind, dpi=120))
     except OSError as error:
         raise InvalidInput('figure', f'{path}: {error.strerror}', 'a place to write') from None
+
+
+def draw_scores(
+    controllers: Sequence[str], terrains: Sequence[str], scores: np.ndarray
+) -> Figure:
+    """Return a figure of v_x per terrain: large dots exact starts, small ones pushed starts.
+
+    Args:
+        controllers, terrains: their names.
+        scores: (n_controllers, n_terrains, 1 + n_pushed) v_x [m/s].
+    """
+    n = len(controllers)
+    figure = Figure(figsize=(7.0, 1.6 + len(terrains) * (0.2 + 0.1 * n)), layout='constrained')
+    axes = figure.subplots()
+    for i, (name, of_one) in enumerate(zip(controllers, scores, strict=True)):
+        rows = np.arange(len(terrains)) + 0.6 * ((i + 0.5) / n - 0.5)
+        color = f'C{i % 10}'
+        for pushed in of_one.T[1:]:
+            axes.plot(pushed, rows, '.', color=color, markersize=4, alpha=0.4)
+        label = f'{name}: mean {of_one[:, 0].mean():.3f} m/s'
+        axes.plot(of_one[:, 0], rows, 'o', color=color, markersize=6, label=label)
+    axes.set_yticks(range(len(terrains)), terrains, fontsize=8)
+    axes.invert_yaxis()
+    axes.grid(axis='x', linewidth=0.5)
+    axes.set_xlabel('v_x [m/s]')
+    figure.legend(loc='outside upper left', fontsize=8)
+    return figure
 
 
 def draw_recording(recording: Recording) -> Figure:

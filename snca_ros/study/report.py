@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Report as the command line says; return the exit code."""
-    from snca_ros.study.figures import save_figure  # matplotlib loads slowly
+    from snca_ros.study.figures import draw_recording, write_figure  # matplotlib loads slowly
 
     recording = read_bag(args.bag, args.episode)
     gait = measure_gait(recording)
@@ -41,7 +41,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
             shown = f'{args.json}: {error.strerror}'
             raise InvalidInput('json', shown, 'a file that can be written') from None
     figure = args.figure or args.bag / 'report.png'
-    save_figure(recording, figure)
+    write_figure(draw_recording(recording), figure)
     print(f'\nfigure: {figure}')
     return 0
 

@@ -1,0 +1,129 @@
+"""The assess command: scores, table, CSV and figure of controllers on many grounds."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from sim_node.simulation import Simulation
+from sim_node.terrain import UNSEEN_TERRAINS
+from snca_ros import cli
+from snca_ros.box import DEFAULT_CONTROLLER, find_controller
+from snca_ros.cell.nca import Architecture
+from snca_ros.controller_file import TrainedController, load_controller, save_controller
+from snca_ros.evolution.locomotion import run_episode
+from snca_ros.evolution.workers import IN_PROCESS, local_workers
+from snca_ros.study.assess import COLUMNS, Trial, run_trials, score, summary, table
+
+
+def trained_worm(seed=0):
+    simulation = Simulation('worm-3x1')
+    architecture = Architecture.named('U-D', 'mlp')
+    theta = np.random.default_rng(seed).uniform(-1.0, 1.0, architecture.n_parameters(3))
+    return TrainedController(architecture, simulation.morphology, theta)
+
+
+@pytest.fixture
+def worms(tmp_path):
+    """Two controller files of a small worm."""
+    for seed in range(2):
+        save_controller(tmp_path / f'{seed}.npz', trained_worm(seed))
+    return [str(tmp_path / f'{seed}.npz') for seed in range(2)]
+
+
+def assess(*arguments, capsys):
+    code = cli.main(['assess', *map(str, arguments)])
+    return code, *capsys.readouterr()
+
+
+def test_unseen_terrains_are_the_sixteen_of_the_model():
+    kinds = [name.partition('-')[0] for name in UNSEEN_TERRAINS]
+    assert len(set(UNSEEN_TERRAINS)) == 16
+    assert [kinds.count(k) for k in ('hilly', 'steppy', 'downhill', 'uphill')] == [6, 6, 2, 2]
+
+
+@pytest.mark.parametrize('engine', ['pymunk', 'batched'])
+def test_a_trial_is_the_episode_of_its_simulation(engine):
+    trained = load_controller(find_controller(DEFAULT_CONTROLLER))
+    trial = Trial(trained, 'uphill-10', engine, start=2, duration=6.0, transient=1.0)
+    simulation = Simulation('biped', 'uphill-10', engine=engine, push=2)
+    expected = run_episode(simulation, trained.controller(), 6.0).velocity(1.0)
+    assert score(trial) == expected != 0.0
+
+
+def test_workers_do_not_matter():
+    trials = [
+        Trial(trained_worm(), terrain, start=start, duration=2.0, transient=0.5)
+        for terrain in ('flat', 'hilly-1-10-0') for start in range(2)
+    ]
+    alone = run_trials(IN_PROCESS, trials)
+    with local_workers(2) as workers:
+        assert run_trials(workers, trials).tolist() == alone.tolist()
+    assert len(set(alone.tolist())) == 4
+
+
+def test_table_csv_and_figure_tell_the_same(worms, tmp_path, capsys):
+    terrains = ['flat', 'downhill-20', 'hilly-1-10-0']
+    code, out, err = assess(
+        *worms, '--terrains', ','.join(terrains), '--starts', 3, '--workers', 1,
+        '--csv', tmp_path / 'scores.csv', '--figure', tmp_path / 'scores.svg', capsys=capsys,
+    )
+    assert (code, err) == (0, '')
+    with (tmp_path / 'scores.csv').open(newline='') as file:
+        rows = list(csv.DictReader(file))
+    assert tuple(rows[0]) == COLUMNS
+    expected = [(w, t, 'pymunk', str(s)) for w in worms for t in terrains for s in range(4)]
+    assert [tuple(row[c] for c in COLUMNS[:4]) for row in rows] == expected
+    scores = np.array([float(row['v_x']) for row in rows]).reshape(2, 3, 4)
+    assert scores[1, 1, 2] == score(Trial(trained_worm(1), 'downhill-20', start=2))
+    for worm, of_one in zip(worms, scores, strict=True):
+        assert '\n'.join(table(worm, terrains, of_one)) in out
+    picture = (tmp_path / 'scores.svg').read_text()
+    assert picture.startswith('<?xml')
+    assert all(f'<!-- {terrain} -->' in picture for terrain in terrains)
+
+
+def test_lines_of_a_table():
+    scores = np.array([[1.0, 0.0, 2.0, 4.0], [3.0, 2.0, 2.0, 2.0]])
+    head, flat, hilly, mean = table('worm', ['flat', 'hilly'], scores)
+    assert head.split() == ['worm', 'v_x', 'mean', 'std', 'of', '3', 'pushed', 'starts']
+    assert flat.split() == ['flat', '1.000', '2.000', '2.000']
+    assert hilly.split() == ['hilly', '3.000', '2.000', '0.000']
+    assert mean.split() == ['mean', '2.000', '2.000', '1.000']  # means 1, 2, 3 of the starts
+    assert [line.split() for line in table('w', ['flat'], scores[:1, :1])] == [
+        ['w', 'v_x'], ['flat', '1.000'], ['mean', '1.000']
+    ]
+
+
+def test_summary_of_starts():
+    assert summary([1.0, 3.0]) == (2.0, pytest.approx(2.0**0.5))
+    assert summary([5.0]) == (5.0, 0.0)
+    mean, deviation = summary([1.0, -np.inf])
+    assert mean == -np.inf
+    assert np.isnan(deviation)
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        (['nowhere.npz'], ['nowhere.npz', 'controller file']),
+        ([DEFAULT_CONTROLLER, '--terrains', 'flat,hily-1-10-0'], ['hily-1-10-0', "'hilly'"]),
+        ([DEFAULT_CONTROLLER, '--engine', 'pymnk'], ['engine', "did you mean 'pymunk'?"]),
+        ([DEFAULT_CONTROLLER, '--starts', '-1'], ['starts', 'from 0']),
+        ([DEFAULT_CONTROLLER, '--figure', 'scores.xyz'], ['scores.xyz', '.png']),
+    ],
+)
+def test_bad_input_is_one_line(arguments, words, capsys):
+    code, out, err = assess(*arguments, capsys=capsys)
+    assert (code, out, err.count('\n')) == (2, '', 1)
+    assert all(word in err for word in words)
+
+
+def test_csv_that_cannot_be_written_is_one_line_after_the_table(worms, capsys):
+    code, out, err = assess(
+        worms[0], '--terrains', 'flat', '--workers', 1, '--csv', '/proc/nowhere/scores.csv',
+        capsys=capsys,
+    )
+    assert (code, err.count('\n')) == (2, 1)
+    assert 'mean' in out
+    assert '/proc/nowhere/scores.csv' in err
