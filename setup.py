@@ -7,11 +7,13 @@ from setuptools import find_packages, setup
 
 PACKAGE = 'snca_ros'
 EXECUTABLES = (
-    'sim_node', 'voxel_node', 'recorder_node', 'evolve', 'walk', 'assess', 'report', 'render',
+    'sim_node', 'voxel_node', 'recorder_node',
+    'evolve', 'walk', 'campaign', 'assess', 'report', 'render',
 )
 
 ROS = ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces']
-TEST = ['pytest', 'hypothesis', 'ruff', 'mypy', 'types-PyYAML']
+CLUSTER = ['distributed']
+TEST = [*CLUSTER, 'pytest', 'hypothesis', 'ruff', 'mypy', 'types-PyYAML']
 
 
 def launchers() -> list[str]:
@@ -56,7 +58,7 @@ setup(
     install_requires=[
         'numpy', 'numba', 'pymunk>=7,<8', 'rosbags>=0.11', 'pyyaml', 'matplotlib', 'pillow',
     ],
-    extras_require={'ros': ROS, 'test': TEST},
+    extras_require={'ros': ROS, 'test': TEST, 'cluster': CLUSTER},
     entry_points={'console_scripts': ['snca = snca_ros.cli:main']},
     zip_safe=False,
 )

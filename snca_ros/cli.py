@@ -13,6 +13,7 @@ from snca_ros.nodes.lifeline import end_with_parent
 COMMANDS = {
     'walk': ('snca_ros.nodes.walk', 'let a trained robot walk: all its nodes, a bag, a report'),
     'evolve': ('snca_ros.evolution.evolve', 'train parameters offline'),
+    'campaign': ('snca_ros.study.campaign', 'evolve and assess many runs, resumable'),
     'assess': ('snca_ros.study.assess', 'score controllers on unseen terrains, from pushed starts'),
     'report': ('snca_ros.study.report', 'read a bag back: v_x, firing rates, lost messages'),
     'render': ('snca_ros.study.render', 'draw a walking controller as GIF or PNG, offline'),

@@ -1,11 +1,19 @@
-"""Writing files so that a reader never sees half of one."""
+"""Files: written so that a reader never sees half of one, folders held, YAML read."""
 
 import contextlib
+import fcntl
 import os
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO, TextIO
+
+import yaml
+
+from sim_node.errors import InvalidInput
+
+LOCK = '.lock'
+"""A file in a folder that one process at a time works on."""
 
 
 def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
@@ -31,3 +39,38 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
 def write_text(path: Path, text: str) -> None:
     """Create or replace `path` with `text`, atomically."""
     write_atomically(path, lambda file: file.write(text.encode()))
+
+
+def hold_folder(path: Path, what: str, wait: bool = False) -> TextIO:
+    """Hold the folder `path` against other processes until the file returned is closed.
+
+    What a process left half-written that was killed in it is cleared away.
+
+    Args:
+        path: of the folder, which exists.
+        what: it is, for the error.
+        wait: for a process that holds it.
+
+    Raises:
+        InvalidInput: another process holds it.
+        OSError: it cannot be written.
+    """
+    lock = (path / LOCK).open('w')
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+    except OSError:
+        lock.close()
+        expected = f'a {what} folder that no other process is working on'
+        raise InvalidInput(what, 'one in use', expected, str(path)) from None
+    for left in path.rglob('.*.tmp'):
+        left.unlink(missing_ok=True)
+    return lock
+
+
+def read_yaml(path: Path, expected: str) -> Any:
+    """Return what the YAML file at `path` holds; InvalidInput if it cannot be read."""
+    try:
+        return yaml.safe_load(path.read_text())
+    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
+        reason = ' '.join(str(error).split())
+        raise InvalidInput('file', reason, expected, str(path)) from None

@@ -5,7 +5,6 @@ are written from it, so that a run killed at any moment goes on as if it had nev
 """
 
 import csv
-import fcntl
 import io
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,13 +15,10 @@ from sim_node.errors import InvalidInput
 from sim_node.morphology import parse_morphology
 from snca_ros.controller_file import TrainedController, save_controller
 from snca_ros.evolution.config import RunConfig
-from snca_ros.files import write_atomically, write_text
+from snca_ros.files import LOCK, hold_folder, write_atomically, write_text
 
 HISTORY = ('generation', 'evaluations', 'best', 'median', 'worst', 'best_so_far')
 """Columns of history.csv; fitness values are v_x [m/s] of the generation's evaluations."""
-
-
-_LOCK = '.lock'
 
 
 def _unwritable(path: Path, error: OSError) -> InvalidInput:
@@ -65,45 +61,53 @@ class Progress:
 class RunFolder:
     """The folder of one run, held against a second process while it is open.
 
-    Use `create` or `resume`; close it when done.
+    Use `create`, `resume` or `create_or_resume`; close it when done.
     """
 
-    def __init__(self, path: Path, config: RunConfig) -> None:
+    def __init__(self, path: Path, config: RunConfig, wait: bool = False) -> None:
         self.path, self.config = path, config
         try:
-            self._lock = (path / _LOCK).open('w')
+            self._lock = hold_folder(path, 'run', wait)
         except OSError as error:
             raise _unwritable(path, error) from None
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            self._lock.close()
-            expected = 'a run folder that no other process is working on'
-            raise InvalidInput('run', 'one in use', expected, str(path)) from None
-        for left in path.glob('.*.tmp'):  # by a process that was killed while it wrote
-            left.unlink(missing_ok=True)
 
     @classmethod
-    def create(cls, path: Path, config: RunConfig) -> 'RunFolder':
+    def create(cls, path: Path, config: RunConfig, wait: bool = False) -> 'RunFolder':
         """Make a new run folder; InvalidInput if there is one already."""
         try:
             path.mkdir(parents=True, exist_ok=True)
             # A run killed before it had its config.yaml leaves no more than this.
-            if any(p.name != _LOCK and not p.match('.config.yaml.*.tmp') for p in path.iterdir()):
+            if any(p.name != LOCK and not p.match('.config.yaml.*.tmp') for p in path.iterdir()):
                 expected = 'a new or empty folder (add --resume to go on with the run in it)'
                 raise InvalidInput('run', 'files in it', expected, str(path))
-            folder = cls(path, config)
+            folder = cls(path, config, wait)
             write_text(path / 'config.yaml', config.to_yaml())
         except OSError as error:
             raise _unwritable(path, error) from None
         return folder
 
     @classmethod
-    def resume(cls, path: Path) -> 'RunFolder':
+    def resume(cls, path: Path, wait: bool = False) -> 'RunFolder':
         """Open the run folder of a run that was stopped; InvalidInput if there is none."""
         if not (path / 'config.yaml').exists():
             raise InvalidInput('config.yaml', None, 'the folder of an earlier run', str(path))
-        return cls(path, RunConfig.from_yaml(path / 'config.yaml'))
+        return cls(path, RunConfig.from_yaml(path / 'config.yaml'), wait)
+
+    @classmethod
+    def create_or_resume(cls, path: Path, config: RunConfig) -> 'RunFolder':
+        """Open the folder of a run, new or not; wait for another process to leave it.
+
+        Raises:
+            InvalidInput: the run in it has another configuration.
+        """
+        if not (path / 'config.yaml').exists():
+            return cls.create(path, config, wait=True)
+        folder = cls.resume(path, wait=True)
+        if folder.config != config:
+            folder.close()
+            expected = f'the configuration of {config.name}'
+            raise InvalidInput('config.yaml', 'another run', expected, str(path))
+        return folder
 
     def load(self) -> Progress:
         """Return where the run stands, and mend history.csv and best.npz after a kill."""

@@ -14,6 +14,7 @@ from sim_node.solver import Solver, check_engine
 from sim_node.terrain import parse_terrain
 from snca_ros.cell.nca import Architecture
 from snca_ros.evolution.locomotion import EPISODE, TRANSIENT
+from snca_ros.files import read_yaml
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,27 @@ class RunConfig:
         )
 
     @property
+    def name(self) -> str:
+        """Return what the run is, in one word: all but its material and its solver."""
+        cell = self.architecture
+        usual = Architecture(cell.uniform, cell.directional, cell.neuron_model, cell.n_c)
+        parts = [self.shape, cell.name, cell.neuron_model]
+        if cell.as_printed:
+            parts.append('as-printed')
+        if cell.n_c != Architecture.named(cell.name, cell.neuron_model).n_c:
+            parts.append(f'n_c{cell.n_c}')
+        if cell.hidden != usual.hidden:
+            parts.append(f'hidden{"x".join(map(str, cell.hidden)) or 0}')
+        parts.append(self.terrain)
+        if self.engine != 'pymunk':
+            parts.append(self.engine)
+        for key in ('evaluations', 'population', 'sigma', 'duration', 'transient'):
+            value = getattr(self, key)
+            if value != type(self).__dataclass_fields__[key].default:
+                parts.append(f'{key}{value:.15g}')
+        return '-'.join([*parts, f'seed{self.seed}'])
+
+    @property
     def n_parameters(self) -> int:
         """Return the length of a candidate."""
         return self.architecture.n_parameters(parse_morphology(self.shape).n_voxels)
@@ -84,11 +106,7 @@ class RunConfig:
     @classmethod
     def from_yaml(cls, path: Path) -> 'RunConfig':
         """Read config.yaml; InvalidInput with the file's name if it cannot be used."""
-        try:
-            values = yaml.safe_load(path.read_text())
-        except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
-            reason = ' '.join(str(error).split())
-            raise InvalidInput('file', reason, 'a run configuration', str(path)) from None
+        values = read_yaml(path, 'a run configuration')
         try:
             return cls.from_dict(values)
         except InvalidInput as error:

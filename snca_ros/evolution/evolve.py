@@ -3,7 +3,6 @@
 import argparse
 import signal
 import sys
-import time
 from collections.abc import Callable
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
@@ -19,6 +18,7 @@ from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evaluator import evaluate
 from snca_ros.evolution.strategy import SimpleEvolutionStrategy
 from snca_ros.evolution.workers import Workers, add_worker_arguments, open_workers
+from snca_ros.status import StatusLine, TimeLeft
 
 INTERRUPTED = 130
 
@@ -86,31 +86,22 @@ def _history_row(
 
 
 class ProgressLine:
-    """Tells how far a run is: on a terminal one line that changes, elsewhere a line at times."""
+    """Tells how far a run is."""
 
-    def __init__(self, total: int, done: int, every: float = 10.0) -> None:
-        self.total, self.done_before, self.every = total, done, every
-        self.start = self.shown = time.monotonic()
-        self.live = sys.stderr.isatty()
+    def __init__(self, total: int, done: int) -> None:
+        self._line = StatusLine()
+        self._left = TimeLeft(total, done)
 
     def __call__(self, progress: Progress) -> None:
         """Show `progress` if it is time to."""
-        now = time.monotonic()
-        done = progress.evaluations
-        if not self.live and now - self.shown < self.every and done < self.total:
-            return
-        self.shown = now
+        done, total = progress.evaluations, self._left.total
         generation, _, best, median, _, best_so_far = progress.history[-1]
-        rate = (done - self.done_before) / (now - self.start)
-        seconds = round((self.total - done) / rate)
-        left = f'{seconds // 3600}:{seconds // 60 % 60:02}:{seconds % 60:02}'
-        line = (
-            f'generation {int(generation):4d}  {done}/{self.total} evaluations  '
+        self._line.show(
+            f'generation {int(generation):4d}  {done}/{total} evaluations  '
             f'v_x best {best_so_far:.3f} (this generation {best:.3f}, median {median:.3f})  '
-            f'{rate:.1f}/s  {left} left'
+            f'{self._left.told(done)}',
+            last=done >= total,
         )
-        end = '\n' if not self.live or done >= self.total else ''
-        print(f'\r\x1b[K{line}' if self.live else line, end=end, file=sys.stderr, flush=True)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -161,14 +152,6 @@ def _hidden_layers(text: str) -> tuple:
     return () if sizes == (0,) else sizes
 
 
-def _default_folder(config: RunConfig) -> Path:
-    cell = config.architecture
-    printed = '-as-printed' if cell.as_printed else ''
-    name = f'{config.shape}-{cell.name}-{cell.neuron_model}{printed}-{config.terrain}'
-    engine = '' if config.engine == 'pymunk' else f'-{config.engine}'
-    return Path('runs') / f'{name}{engine}-seed{config.seed}'
-
-
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Evolve as the command line says; return the exit code."""
     opened = open_workers(args, parser)
@@ -181,7 +164,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         folder = RunFolder.resume(args.resume)
     else:
         config = _new_config(args)
-        folder = RunFolder.create(args.run or _default_folder(config), config)
+        folder = RunFolder.create(args.run or Path('runs') / config.name, config)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     print(f'{folder.path}: {_described(folder.config)}', file=sys.stderr)
     try:

@@ -4,12 +4,13 @@ import argparse
 import csv
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 
+from sim_node.compiled import warm_up
 from sim_node.errors import InvalidInput
 from sim_node.simulation import Simulation
 from sim_node.solver import ENGINES, check_engine
@@ -55,13 +56,14 @@ class Trial:
 
 def score(trial: Trial) -> float:
     """Return v_x [m/s] of a trial; -inf if it diverged."""
-    episode = run_episode(trial.simulation(), trial.trained.controller(), trial.duration)
-    return episode.velocity(trial.transient)
+    simulation, controller = trial.simulation(), trial.trained.controller()
+    name = f'trial-{trial.engine}'
+    warm_up(name, lambda: run_episode(simulation, controller, 2.0 / CONTROL_RATE))
+    return run_episode(simulation, controller, trial.duration).velocity(trial.transient)
 
 
 def run_trials(workers: Workers, trials: Sequence[Trial]) -> np.ndarray:
     """Return v_x [m/s] of each trial, whatever the workers."""
-    score(replace(trials[0], duration=2.0 / CONTROL_RATE))  # compiles once, not in every worker
     return np.array(list(workers.executor.map(score, trials)))
 
 

@@ -40,8 +40,7 @@ def measure_gait(recording: Recording) -> Gait:
     known = np.flatnonzero(np.isfinite(x))
     first, last = int(known[0]), int(known[-1])
     walked = bridge_gaps(x[first : last + 1])
-    steady = _steady_part(recording.actuation)
-    powers = power_spectrum(steady)
+    steady = steady_part(recording.actuation)
     rates = None
     if recording.spikes is not None:
         rates = firing_rates(recording.spikes, recording.heard)
@@ -50,17 +49,30 @@ def measure_gait(recording: Recording) -> Gait:
         distance=float(x[last] - x[first]),
         duration=(last - first) / CONTROL_RATE,
         firing_rates=rates,
-        frequencies=peak_frequency(powers, len(steady)),
-        frequency=float(peak_frequency(powers.sum(axis=1, keepdims=True), len(steady))[0]),
+        frequencies=peak_frequency(power_spectrum(steady), len(steady)),
+        frequency=dominant_frequency(steady),
     )
 
 
-def _steady_part(actuation: np.ndarray) -> np.ndarray:
-    """Return the actuation after the transient; all of it if it is no longer than that."""
+def steady_part(actuation: np.ndarray, transient: float = TRANSIENT) -> np.ndarray:
+    """Return the (n_steps, n_voxels) actuation after the transient [s]; all of it if it is shorter.
+
+    Gaps (NaN) are bridged.
+    """
     known = np.flatnonzero(np.isfinite(actuation).any(axis=1))
     actuation = bridge_gaps(actuation[: known[-1] + 1 if len(known) else 1])
-    first = round(TRANSIENT * CONTROL_RATE)
+    first = round(transient * CONTROL_RATE)
     return actuation[first if len(actuation) > first + 1 else 0 :]
+
+
+def dominant_frequency(actuation: np.ndarray) -> float:
+    """Return the frequency [Hz] at which the power of all voxels together peaks, or 0.
+
+    Args:
+        actuation: (n_steps, n_voxels), without gaps.
+    """
+    power = power_spectrum(actuation).sum(axis=1, keepdims=True)
+    return float(peak_frequency(power, len(actuation))[0])
 
 
 def bridge_gaps(signal: np.ndarray) -> np.ndarray:

@@ -266,7 +266,8 @@ def test_number_of_workers_does_not_matter(whole, tmp_path):
 def test_budget_within_the_first_generation_and_default_folder(whole, tmp_path, evaluations):
     run = evolve(*TASK, '--evaluations', evaluations, '--workers', 1, cwd=tmp_path)
     assert run.returncode == 0, run.stderr
-    folder = tmp_path / 'runs' / 'worm-U-nD-snn-h-flat-seed3'
+    name = f'worm-U-nD-snn-h-flat-evaluations{evaluations}-population8-duration1-transient0.2-seed3'
+    folder = tmp_path / 'runs' / name
     assert {p.name for p in folder.iterdir()} - {'.lock'} == FILES
     rows = history_of(folder)
     assert [int(row['evaluations']) for row in rows] == [evaluations]

@@ -1,0 +1,146 @@
+"""The `campaign` command: many runs side by side, evolved and assessed, resumable at any moment."""
+
+import argparse
+import contextlib
+import signal
+import sys
+from collections import Counter, deque
+from collections.abc import Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from pathlib import Path
+
+from snca_ros.evolution.config import RunConfig
+from snca_ros.evolution.workers import Workers, add_worker_arguments, open_workers
+from snca_ros.status import StatusLine, TimeLeft
+from snca_ros.study.campaign_file import read_campaign
+from snca_ros.study.results import Outcome, Results, perform
+
+INTERRUPTED = 130
+_TELL_EVERY = 1.0  # s
+_MOST_CRASHES = 2  # of the processes in which a run was, until it counts as failed
+
+
+class Campaign:
+    """The runs of a campaign: waiting, running, failed, or finished and in the results.
+
+    Args:
+        configs: the runs, in the order in which to start them.
+        results: where finished ones have their rows.
+        runs: folder of the run folders, on all workers the same.
+    """
+
+    def __init__(self, configs: Sequence[RunConfig], results: Results, runs: Path) -> None:
+        self.configs, self.results, self.runs = configs, results, runs
+        self.waiting = deque(c for c in configs if c.name not in results.rows)
+        self.running: dict[Future[Outcome], RunConfig] = {}
+        self.failed: dict[str, str] = {}
+        self._crashes: Counter[str] = Counter()
+        self._line = StatusLine(every=60.0)
+        self._left = TimeLeft(sum(c.evaluations for c in configs), self._evaluations())
+
+    def work(self, workers: Workers) -> None:
+        """Perform what waits, as many runs at a time as there are workers.
+
+        Raises:
+            BrokenExecutor: a worker process ended; what was running waits again, or has failed.
+        """
+        try:
+            while self.waiting or self.running:
+                while self.waiting and len(self.running) < workers.count():
+                    config = self.waiting[0]
+                    future = workers.executor.submit(perform, config, self.runs / config.name)
+                    self.running[future] = self.waiting.popleft()
+                done, _ = wait(self.running, _TELL_EVERY, FIRST_COMPLETED)
+                for future in done:
+                    self._finish(future)
+                self._line.show(self.told())
+        except BrokenExecutor:
+            self._put_back()
+            raise
+
+    def _finish(self, future: Future[Outcome]) -> None:
+        error = future.exception()
+        if isinstance(error, BrokenExecutor):
+            raise error
+        config = self.running.pop(future)
+        if error is not None:
+            self._fail(config, f'{type(error).__name__}: {error}')
+            return
+        self.results.add(future.result())
+        row = self.results.rows[config.name]
+        self._line.clear()
+        print(
+            f'{config.name}: v_x {float(row["v_x"]):.3f} m/s, unseen terrains '
+            f'{float(row["v_x_unseen"]):.3f}, pushed starts {float(row["v_x_starts_mean"]):.3f} '
+            f'± {float(row["v_x_starts_std"]):.3f}', flush=True,
+        )
+
+    def _put_back(self) -> None:
+        for config in self.running.values():
+            self._crashes[config.name] += 1
+            if self._crashes[config.name] < _MOST_CRASHES:
+                self.waiting.appendleft(config)
+            else:
+                self._fail(config, 'its worker process ended unexpectedly (out of memory?)')
+        self.running.clear()
+
+    def _fail(self, config: RunConfig, reason: str) -> None:
+        self.failed[config.name] = reason
+        self._line.clear()
+        print(f'{config.name} failed: {reason}', file=sys.stderr, flush=True)
+
+    def _evaluations(self) -> int:
+        """Return the evaluations spent so far, by the histories of the run folders."""
+        return sum(
+            c.evaluations if c.name in self.results.rows else _spent(self.runs / c.name)
+            for c in self.configs
+        )
+
+    def told(self) -> str:
+        """Return what is done, running and left, and the time left, as text."""
+        done = sum(c.name in self.results.rows for c in self.configs)
+        text = (
+            f'{done} of {len(self.configs)} runs done, {len(self.running)} running, '
+            f'{len(self.waiting)} waiting, {len(self.failed)} failed'
+        )
+        if not (self.waiting or self.running):
+            return text
+        return f'{text}; evaluations {self._left.told(self._evaluations())}'
+
+
+def _spent(folder: Path) -> int:
+    try:
+        return int((folder / 'history.csv').read_text().splitlines()[-1].split(',')[1])
+    except (OSError, ValueError, IndexError):  # none yet
+        return 0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line of `campaign`."""
+    parser.add_argument('file', type=Path, metavar='FILE', help='the campaign, .yaml')
+    parser.add_argument('--results', type=Path, metavar='FOLDER',
+                        help='results.csv, histories and controllers (default results/<FILE>)')
+    parser.add_argument('--runs', type=Path, metavar='FOLDER', default=Path('runs'),
+                        help='run folders (default runs)')
+    add_worker_arguments(parser)
+
+
+def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Run, or go on with, a campaign as the command line says; return the exit code."""
+    open_workers(args, parser)  # checks the options
+    configs = read_campaign(args.file)
+    results = Results(args.results or Path('results') / args.file.stem)
+    campaign = Campaign(configs, results, args.runs.resolve())
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        print(campaign.told(), file=sys.stderr, flush=True)
+        while campaign.waiting:
+            with contextlib.suppress(BrokenExecutor), open_workers(args, parser) as workers:
+                campaign.work(workers)
+    except KeyboardInterrupt:
+        print(f'\nstopped; the same command goes on with it: {campaign.told()}', file=sys.stderr)
+        return INTERRUPTED
+    finally:
+        results.close()
+    print(f'{results.path / "results.csv"}: {campaign.told()}')
+    return 1 if campaign.failed else 0
