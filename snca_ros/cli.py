@@ -5,6 +5,7 @@ import importlib
 import os
 import signal
 import sys
+from concurrent.futures import BrokenExecutor
 
 from sim_node.errors import InvalidInput, near_miss
 from snca_ros import __version__
@@ -55,6 +56,9 @@ def main(argv: list[str] | None = None) -> int:
         return 130
     except BrokenPipeError:  # nobody reads on; what is still in the buffer goes nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except BrokenExecutor as error:  # a worker process that was killed
+        print(f'snca {name}: error: {error}', file=sys.stderr)
         return 1
     except OSError as error:  # a full disk, a folder that has gone
         print(f'snca {name}: error: {error}', file=sys.stderr)

@@ -4,7 +4,7 @@ import argparse
 import signal
 import sys
 from collections.abc import Callable
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import BrokenExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -175,7 +175,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     except KeyboardInterrupt:
         print(f'\nstopped; go on with: snca evolve --resume {folder.path}', file=sys.stderr)
         return INTERRUPTED
-    except BrokenProcessPool:
+    except BrokenExecutor:
         print(
             f'\na worker process ended unexpectedly (out of memory?); the run is intact up to '
             f'the last generation, go on with: snca evolve --resume {folder.path}',

@@ -8,7 +8,8 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from concurrent.futures import CancelledError as FutureCancelled
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any
@@ -110,9 +111,10 @@ def cluster_workers(address: str) -> Iterator[Workers]:
 
     Raises:
         InvalidInput: the extra `cluster` is not installed, nobody answers, or there is no worker.
+        BrokenExecutor: the scheduler is lost, or a task has ended several workers.
     """
     try:
-        from distributed import Client
+        from distributed import CancelledError, Client, KilledWorker
     except ImportError:
         expected = "none without Dask: pip install 'snca_ros[cluster]'"
         raise InvalidInput('scheduler', address, expected) from None
@@ -125,6 +127,8 @@ def cluster_workers(address: str) -> Iterator[Workers]:
     executor = client.get_executor(pure=False)
     try:
         yield Workers(executor, lambda: max(1, sum(client.nthreads().values())))
+    except (CancelledError, FutureCancelled, KilledWorker) as error:
+        raise BrokenExecutor(f'{address}: {error}') from error
     finally:
         executor.shutdown(wait=False)
         client.close()

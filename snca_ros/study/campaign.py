@@ -59,14 +59,15 @@ class Campaign:
             raise
 
     def _finish(self, future: Future[Outcome]) -> None:
-        error = future.exception()
-        if isinstance(error, BrokenExecutor):
-            raise error
-        config = self.running.pop(future)
-        if error is not None:
-            self._fail(config, f'{type(error).__name__}: {error}')
+        try:
+            outcome = future.result()
+        except BrokenExecutor:
+            raise
+        except Exception as error:
+            self._fail(self.running.pop(future), f'{type(error).__name__}: {error}')
             return
-        self.results.add(future.result())
+        config = self.running.pop(future)
+        self.results.add(outcome)
         row = self.results.rows[config.name]
         self._line.clear()
         print(

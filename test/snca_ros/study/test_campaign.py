@@ -5,42 +5,36 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
-import threading
-import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from tiny_campaign import (
+    LIMIT,
+    TINY,
+    contents,
+    generations,
+    start,
+    wait_until,
+    work,
+    write_file,
+)
 
-import snca_ros
 from sim_node.errors import InvalidInput
 from sim_node.terrain import UNSEEN_TERRAINS
 from snca_ros import cli
 from snca_ros.controller_file import load_controller
-from snca_ros.evolution.workers import IN_PROCESS, local_workers
+from snca_ros.evolution.workers import local_workers
 from snca_ros.study.assess import Trial, score
-from snca_ros.study.campaign import Campaign
 from snca_ros.study.campaign_file import read_campaign
 from snca_ros.study.results import COLUMNS, STARTS, Results, read_rows
-
-ROOT = Path(snca_ros.__file__).parents[1]
-LIMIT = 300.0  # s; only a hang reaches it
-
-TINY = {
-    'evaluations': 40, 'population': 8, 'duration': 1, 'transient': 0.2, 'shape': 'worm-3x1',
-    'seed': [0, 1], 'neuron_model': 'mlp',
-    'cases': [{'architecture': 'U-D'}, {'architecture': 'nU-nD', 'engine': 'pymunk'}],
-}
 
 
 @pytest.fixture(scope='module')
 def file(tmp_path_factory):
-    path = tmp_path_factory.mktemp('campaign') / 'tiny.yaml'
-    path.write_text(yaml.safe_dump(TINY))
-    return path
+    return write_file(tmp_path_factory.mktemp('campaign'))
 
 
 @pytest.fixture(autouse=True)
@@ -48,23 +42,6 @@ def _signals_are_restored():
     before = signal.getsignal(signal.SIGTERM)
     yield
     signal.signal(signal.SIGTERM, before)
-
-
-def work(file: Path, folder: Path, workers=IN_PROCESS) -> Campaign:
-    """Do, or go on with, the campaign in a folder for both runs and results."""
-    results = Results(folder / 'results')
-    try:
-        campaign = Campaign(read_campaign(file), results, folder / 'runs')
-        campaign.work(workers)
-    finally:
-        results.close()
-    return campaign
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    """Return all files of a results folder but its lock."""
-    files = (path for path in folder.rglob('*') if path.is_file() and path.name != '.lock')
-    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
 @pytest.fixture(scope='module')
@@ -167,29 +144,6 @@ def test_finished_runs_are_not_done_again_and_shared_between_campaigns(file, who
 
 
 # --- stopped, killed, failing -----------------------------------------------------------------
-
-
-def wait_until(condition, what: str, limit: float = LIMIT) -> None:
-    pause, end = threading.Event(), time.monotonic() + limit
-    while not condition():
-        assert time.monotonic() < end, f'waited in vain for {what}'
-        pause.wait(0.01)
-
-
-def start(file: Path, folder: Path) -> subprocess.Popen:
-    """Start the command with two workers."""
-    return subprocess.Popen(
-        [sys.executable, '-m', 'snca_ros', 'campaign', str(file), '--workers', '2',
-         '--results', str(folder / 'results'), '--runs', str(folder / 'runs')],
-        env={**os.environ, 'PYTHONPATH': str(ROOT)}, text=True, start_new_session=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-    )
-
-
-def generations(folder: Path) -> int:
-    """Return the generations of all runs so far."""
-    histories = (folder / 'runs').glob('*/history.csv')
-    return sum(len(path.read_text().splitlines()) - 1 for path in histories)
 
 
 def test_killed_twice_and_resumed_gives_the_same_bytes(file, whole, tmp_path):

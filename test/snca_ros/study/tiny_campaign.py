@@ -1,0 +1,72 @@
+"""A campaign of seconds, and ways to do it: in this process, as a command."""
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import yaml
+
+import snca_ros
+from snca_ros.evolution.workers import IN_PROCESS
+from snca_ros.study.campaign import Campaign
+from snca_ros.study.campaign_file import read_campaign
+from snca_ros.study.results import Results
+
+ROOT = Path(snca_ros.__file__).parents[1]
+LIMIT = 300.0  # s; only a hang reaches it
+
+TINY = {
+    'evaluations': 40, 'population': 8, 'duration': 1, 'transient': 0.2, 'shape': 'worm-3x1',
+    'seed': [0, 1], 'neuron_model': 'mlp',
+    'cases': [{'architecture': 'U-D'}, {'architecture': 'nU-nD', 'engine': 'pymunk'}],
+}
+
+
+def write_file(folder: Path) -> Path:
+    """Write the campaign file into a folder."""
+    path = folder / 'tiny.yaml'
+    path.write_text(yaml.safe_dump(TINY))
+    return path
+
+
+def work(file: Path, folder: Path, workers=IN_PROCESS) -> Campaign:
+    """Do, or go on with, the campaign in a folder for both runs and results."""
+    results = Results(folder / 'results')
+    try:
+        campaign = Campaign(read_campaign(file), results, folder / 'runs')
+        campaign.work(workers)
+    finally:
+        results.close()
+    return campaign
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Return all files of a results folder but its lock."""
+    files = (path for path in folder.rglob('*') if path.is_file() and path.name != '.lock')
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+def wait_until(condition, what: str, limit: float = LIMIT) -> None:
+    pause, end = threading.Event(), time.monotonic() + limit
+    while not condition():
+        assert time.monotonic() < end, f'waited in vain for {what}'
+        pause.wait(0.01)
+
+
+def start(file: Path, folder: Path, *options: str) -> subprocess.Popen:
+    """Start the command, with two workers if the options do not say otherwise."""
+    return subprocess.Popen(
+        [sys.executable, '-m', 'snca_ros', 'campaign', str(file), '--workers', '2', *options,
+         '--results', str(folder / 'results'), '--runs', str(folder / 'runs')],
+        env={**os.environ, 'PYTHONPATH': str(ROOT)}, text=True, start_new_session=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )
+
+
+def generations(folder: Path) -> int:
+    """Return the generations of all runs so far."""
+    histories = (folder / 'runs').glob('*/history.csv')
+    return sum(len(path.read_text().splitlines()) - 1 for path in histories)
