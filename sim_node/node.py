@@ -19,6 +19,7 @@ from visualization_msgs.msg import MarkerArray
 from sim_node import interface
 from sim_node.compiled import warm_up
 from sim_node.errors import InvalidInput
+from sim_node.faults import FAULTS_OF_BODY
 from sim_node.material import Material
 from sim_node.morphology import parse_morphology
 from sim_node.ros import RosNode, run_nodes
@@ -93,12 +94,11 @@ class SimNode(RosNode):
                 'solver.self_collision', False, 'whether masses of the robot collide'
             ),
         )
-        noise = p('sensor_noise', 0.0, 'standard deviation of noise on readings', 0.0, 10.0)
-        seed = p('seed', 0, 'of the sensor noise', 0, 2**31 - 1)
+        faults = {name: p(name, *spec) for name, spec in FAULTS_OF_BODY.items()}
         try:
             return Simulation(
                 parse_morphology(shape), terrain, material=Material(**constants),
-                solver=solver, sensor_noise=noise, seed=seed, engine=engine,
+                solver=solver, engine=engine, **faults,
             )
         except InvalidInput as error:
             raise error.found_in(self._where()) from None

@@ -13,12 +13,12 @@ from sim_node.batched.robots import OneRobot, Robots, advance_group, one_robot
 from sim_node.body import build_body, pushed
 from sim_node.compiled import compiled
 from sim_node.errors import InvalidInput
+from sim_node.faults import BodyFaults, Disturbance, break_values, disturb_readings
 from sim_node.material import Material
 from sim_node.morphology import Morphology, parse_morphology
 from sim_node.sensors import (
     MAX_AREA_RATIO,
     N_SENSORS,
-    add_noise,
     measure,
     normalise,
     outer_corners,
@@ -112,21 +112,23 @@ def sense(world, step):
 
 
 @compiled
-def advance(world, actuation, step, noise):
+def advance(world, actuation, step, disturbance, row):
     """Apply `actuation`, step the physics to control step `step` and read the sensors.
 
     Args:
-        noise: (n_voxels, 4) to add to the readings, or (0, 4) for none.
+        actuation: (n_voxels,) in [-1, 1]; written where actuators are broken.
+        disturbance: what befalls the body in this step, in its row `row`.
 
     Returns:
         False if the physics diverged, else True.
     """
+    break_values(actuation, disturbance.actuators[row], world.actuation)
+    before = world.readings.copy() if disturbance.sensors.shape[1] > 0 else world.readings
     set_rest_lengths(world, actuation)
     for _ in range(world.substeps):
         munk.space_step(world.space, world.dt)
     finite = sense(world, step)
-    if noise.shape[0] > 0:
-        add_noise(world.readings, noise)
+    disturb_readings(world.readings, before, disturbance, row)
     return finite
 
 
@@ -149,7 +151,8 @@ class Simulation:
         material: physical constants.
         solver: sub-steps, iterations and self-collision.
         sensor_noise: standard deviation of N(0, sigma) added to readings.
-        seed: of the sensor noise; every `reset` starts it anew.
+        broken_sensors, broken_actuators: which voxels', when and how; see docs/robustness.md.
+        seed: of all noise and faults; every `reset` starts them anew.
         engine: one of `sim_node.solver.ENGINES`.
         push: 0, or the seed of a pushed start: every mass begins up to `sim_node.body.PUSH` away
             from its place in x and in y. The closed loop is chaotic, so each push is another walk
@@ -173,6 +176,8 @@ class Simulation:
         material: Material | None = None,
         solver: Solver | None = None,
         sensor_noise: float = 0.0,
+        broken_sensors: str = '',
+        broken_actuators: str = '',
         seed: int = 0,
         engine: str = 'pymunk',
         push: int = 0,
@@ -181,17 +186,14 @@ class Simulation:
             morphology = parse_morphology(morphology)
         if not isinstance(terrain, Terrain):
             terrain = parse_terrain(terrain)
-        is_number = isinstance(sensor_noise, (int, float)) and not isinstance(sensor_noise, bool)
-        if not is_number or not 0.0 <= sensor_noise <= 10.0:
-            raise InvalidInput('sensor_noise', sensor_noise, 'a number from 0 to 10')
-        for name, value in (('seed', seed), ('push', push)):
-            if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-                raise InvalidInput(name, value, 'an integer from 0')
+        if isinstance(push, bool) or not isinstance(push, int) or push < 0:
+            raise InvalidInput('push', push, 'an integer from 0')
         check_engine(engine, solver or Solver())
         self.morphology, self.terrain, self.engine = morphology, terrain, engine
         self.material = material or Material()
         self.solver = solver or Solver()
-        self.sensor_noise, self.seed, self.push = float(sensor_noise), seed, push
+        self.push = push
+        self._faults = BodyFaults(morphology, sensor_noise, broken_sensors, broken_actuators, seed)
         self._body = pushed(build_body(morphology, terrain, self.material), push)
         if engine == 'batched':
             self._robots = Robots(morphology, terrain, self.material, self.solver, width=1)
@@ -215,8 +217,8 @@ class Simulation:
             self.world = self._new_world()
             sense(self.world, 0)
         self.step_count = 0
-        self._rng = np.random.default_rng(self.seed)
-        add_noise(self.world.readings, self.draw_noise(1)[0])
+        self._faults.reset()
+        disturb_readings(self.world.readings, self.world.readings, self._faults.draw(-1, 1), 0)
         return self.world.readings.copy()
 
     def _new_world(self) -> World:
@@ -258,31 +260,28 @@ class Simulation:
         """
         expected = f'{self.morphology.n_voxels} finite values'
         try:
-            values = np.ascontiguousarray(actuation, dtype=np.float64)
+            values = np.array(actuation, dtype=np.float64)
         except (TypeError, ValueError):
             raise InvalidInput('actuation', actuation, expected) from None
         if values.shape != self.world.actuation.shape or not np.isfinite(values).all():
             raise InvalidInput('actuation', values.tolist(), expected)
-        noise = self.draw_noise(1)[0]
+        disturbance = self.disturbance(1)
         if self.engine == 'batched':
+            break_values(values, disturbance.actuators[0], self.world.actuation)
+            before = self.world.readings.copy()
             self._robots.step(values[:, None])
-            add_noise(self.world.readings, noise)
+            disturb_readings(self.world.readings, before, disturbance, 0)
             finite = self._robots.sane[0]
         else:
-            finite = advance(self.world, values, self.step_count + 1, noise)
+            finite = advance(self.world, values, self.step_count + 1, disturbance, 0)
         if not finite:
             raise Diverged(f'{self.morphology.name}: not finite at step {self.step_count + 1}')
         self.step_count += 1
         return self.world.readings.copy()
 
-    def draw_noise(self, n_steps: int) -> np.ndarray:
-        """Return the noise of the next control steps, (n_steps, n_voxels, 4).
-
-        Without sensor noise it is empty, (n_steps, 0, 4). Drawn step by step or many steps at
-        once, the numbers are the same.
-        """
-        n = self.morphology.n_voxels if self.sensor_noise > 0.0 else 0
-        return self.sensor_noise * self._rng.standard_normal((n_steps, n, N_SENSORS))
+    def disturbance(self, n_steps: int) -> Disturbance:
+        """Return what befalls the body in the next control steps."""
+        return self._faults.draw(self.step_count, n_steps)
 
     @property
     def time(self) -> float:

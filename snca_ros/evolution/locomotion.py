@@ -14,13 +14,13 @@ EPISODE, TRANSIENT = 30.0, 5.0
 
 
 @compiled
-def _walk(world, cells, neighbors, n_steps, noise, centers):
+def _walk(world, cells, neighbors, n_steps, disturbance, centers):
     """Run a whole episode; write `centers` (n_steps + 1, 2); return the steps that were sane."""
     actuation = np.zeros(neighbors.shape[0])
     centers[0] = center(world)
     for k in range(n_steps):
         step_all(cells, neighbors, world.readings, k, actuation)
-        if not advance(world, actuation, k + 1, noise[k]):
+        if not advance(world, actuation, k + 1, disturbance, k):
             return k
         centers[k + 1] = center(world)
     return n_steps
@@ -68,7 +68,7 @@ def run_episode(
         controller.cells.state,
         controller.neighbors,
         n_steps,
-        simulation.draw_noise(n_steps),
+        simulation.disturbance(n_steps),
         centers,
     )
     simulation.step_count = controller.step_count = done

@@ -234,11 +234,11 @@ def test_noisy_readings_stay_in_range_and_depend_on_the_seed():
 
 def test_noise_drawn_at_once_or_step_by_step_is_the_same():
     a, b = (Simulation('biped', sensor_noise=0.5, seed=9) for _ in range(2))
-    many = a.draw_noise(7)
-    steps = np.concatenate([b.draw_noise(n) for n in (1, 2, 4)])
+    many = a.disturbance(7).noise
+    steps = np.concatenate([b.disturbance(n).noise for n in (1, 2, 4)])
     assert many.shape == (7, 10, 4)
     assert many.tobytes() == steps.tobytes()
-    assert Simulation('biped').draw_noise(7).shape == (7, 0, 4)
+    assert Simulation('biped').disturbance(7).noise.shape == (7, 0, 4)
 
 
 def test_divergence_is_raised_and_never_returned():
