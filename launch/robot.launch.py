@@ -21,6 +21,7 @@ from launch import LaunchDescription
 from sim_node.errors import InvalidInput
 from snca_ros.box import DEFAULT_CONTROLLER, find_controller
 from snca_ros.controller_file import load_controller
+from snca_ros.faults import parse_faults
 from snca_ros.nodes.bringup import WalkOptions, describe_graph
 
 ARGUMENTS = {
@@ -31,6 +32,7 @@ ARGUMENTS = {
     'voxels_per_process': ('1', 'voxel nodes per process'),
     'bag': ('', 'bag to write; empty: none'),
     'storage': ('mcap', 'mcap | sqlite3'),
+    'faults': ('', 'what goes wrong, such as loss=0.3,death=0.5@10, or a YAML file'),
 }
 
 
@@ -49,7 +51,7 @@ def _nodes(context):
     options = WalkOptions(
         value['robot'], value['terrain'], _number('duration', value['duration'], float),
         _number('voxels_per_process', value['voxels_per_process'], int),
-        value['bag'], value['storage'],
+        value['bag'], value['storage'], parse_faults(value['faults']),
     )
     graph = describe_graph(path, load_controller(path), options)
     params = Path(tempfile.mkdtemp(prefix='snca_ros_')) / 'params.yaml'

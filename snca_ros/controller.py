@@ -3,21 +3,34 @@
 The offline twin of the voxel nodes.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from sim_node.compiled import compiled
+from sim_node.compiled import compiled, inlined_part
 from sim_node.errors import InvalidInput
 from sim_node.morphology import OPPOSITE, Morphology
 from snca_ros.cell.cells import Cells, step_cells
+from snca_ros.cell.coding import NEVER
 from snca_ros.cell.nca import Architecture
+from snca_ros.cell.snn import THETA_0
+from snca_ros.faults import CellFaults, Faults
 
 _OPPOSITE = np.array(OPPOSITE)
 
 
+class FaultTables(NamedTuple):
+    """The faults of all cells at some control steps, a row for each."""
+
+    lost: np.ndarray  # (n_steps, n_voxels, 4) bool: messages from above, left, below, right
+    dead: np.ndarray  # (n_steps, n_voxels) bool
+    sent: np.ndarray  # (delay + 1, n_voxels, n_destinations, n_c) ring buffer of outboxes
+
+
 @compiled
-def deliver(cells, neighbors):
-    """Copy what each cell's neighbours sent into its inbox; silence where there is none."""
-    directional = cells.outbox.shape[1] > 1
+def deliver(cells, neighbors, sent):
+    """Copy what each cell's neighbours have `sent` into its inbox; silence where there is none."""
+    directional = sent.shape[1] > 1
     for i in range(neighbors.shape[0]):
         for d in range(neighbors.shape[1]):
             sender = neighbors[i, d]
@@ -25,14 +38,44 @@ def deliver(cells, neighbors):
                 continue
             side = _OPPOSITE[d] if directional else 0
             for c in range(cells.inbox.shape[2]):
-                cells.inbox[i, d, c] = cells.outbox[sender, side, c]
+                cells.inbox[i, d, c] = sent[sender, side, c]
 
 
 @compiled
 def step_all(cells, neighbors, readings, step, actuation):
     """Deliver what was sent and advance all cells by control step `step`; write `actuation`."""
-    deliver(cells, neighbors)
+    deliver(cells, neighbors, cells.outbox)
     step_cells(cells, 0, neighbors.shape[0], readings, step, actuation)
+
+
+@inlined_part
+def start_afresh(cells, i):
+    """Do for cell `i` what `Cells.reset` does for all."""
+    cells.v[i] = 0.0
+    cells.psi[i] = 0.0
+    cells.theta[i] = THETA_0
+    cells.counts[i] = 0
+    cells.age[i] = 0
+    cells.last_spike[i] = NEVER
+    cells.inbox[i] = 0.0
+    cells.outbox[i] = 0.0
+
+
+@compiled
+def step_all_faulty(cells, neighbors, readings, step, actuation, faults, row):
+    """Do what `step_all` does, with what row `row` of the `faults` lets go wrong."""
+    sent = faults.sent[step % faults.sent.shape[0]]  # the oldest: it makes room for the newest
+    deliver(cells, neighbors, sent)
+    for i in range(neighbors.shape[0]):
+        for d in range(neighbors.shape[1]):
+            if faults.lost[row, i, d]:
+                cells.inbox[i, d] = 0.0
+    step_cells(cells, 0, neighbors.shape[0], readings, step, actuation)
+    for i in range(neighbors.shape[0]):
+        if faults.dead[row, i]:
+            start_afresh(cells, i)
+            actuation[i] = 0.0
+    sent[:] = cells.outbox
 
 
 def weights_of(
@@ -66,6 +109,7 @@ class Controller:
         architecture: what kind of cell.
         morphology: whose voxels the cells control.
         theta: (n_parameters,) weights; of a non-uniform architecture cell after cell.
+        faults: of cells and links; those of the body are the simulation's.
 
     Attributes:
         cells: the cells, in the morphology's index order.
@@ -73,18 +117,28 @@ class Controller:
     """
 
     def __init__(
-        self, architecture: Architecture, morphology: Morphology, theta: np.ndarray
+        self,
+        architecture: Architecture,
+        morphology: Morphology,
+        theta: np.ndarray,
+        faults: Faults | None = None,
     ) -> None:
         n = morphology.n_voxels
         self.architecture, self.morphology = architecture, morphology
         self.cells = Cells(architecture, *_rows(architecture, theta, n))
         self.neighbors = morphology.neighbors
         self.step_count = 0
+        self._faults = None
+        if faults and faults.of_cells != Faults(seed=faults.seed).of_cells:
+            self._faults = CellFaults(faults, morphology)
+            self._sent = np.zeros((faults.delay + 1, *self.cells.state.outbox.shape))
 
     def reset(self) -> None:
         """Start afresh: no potential, no message, step 0."""
         self.cells.reset()
         self.step_count = 0
+        if self._faults:
+            self._sent.fill(0.0)
 
     def step(self, readings: np.ndarray) -> np.ndarray:
         """Advance all cells by one control step.
@@ -96,6 +150,21 @@ class Controller:
             (n_voxels,) actuation in [-1, 1].
         """
         actuation = np.empty(self.morphology.n_voxels)
-        step_all(self.cells.state, self.neighbors, readings, self.step_count, actuation)
+        arguments = self.cells.state, self.neighbors, readings, self.step_count, actuation
+        if (faults := self.fault_tables(1)) is None:
+            step_all(*arguments)
+        else:
+            step_all_faulty(*arguments, faults, 0)
         self.step_count += 1
         return actuation
+
+    def fault_tables(self, n_steps: int) -> FaultTables | None:
+        """Return what goes wrong in the next control steps; None if nothing ever does."""
+        if self._faults is None:
+            return None
+        voxels, first = range(self.morphology.n_voxels), self.step_count
+        return FaultTables(
+            np.stack([self._faults.lost(i, first, n_steps) for i in voxels], axis=1),
+            np.stack([self._faults.dead(i, first, n_steps) for i in voxels], axis=1),
+            self._sent,
+        )

@@ -16,6 +16,7 @@ from sim_node.solver import ENGINES, Solver
 from sim_node.terrain import parse_terrain
 from snca_ros.cell.nca import Architecture
 from snca_ros.controller import Controller
+from snca_ros.faults import Faults
 from snca_ros.files import write_atomically
 
 FORMAT_VERSION = 1
@@ -56,9 +57,9 @@ class TrainedController:
     chosen_by: str = 'pymunk'
     v_x: dict[str, float] = field(default_factory=dict)
 
-    def controller(self) -> Controller:
+    def controller(self, faults: Faults | None = None) -> Controller:
         """Return all cells, ready to step."""
-        return Controller(self.architecture, self.morphology, self.theta)
+        return Controller(self.architecture, self.morphology, self.theta, faults)
 
 
 def package_versions() -> dict[str, str]:

@@ -7,19 +7,25 @@ import numpy as np
 from sim_node.compiled import compiled
 from sim_node.simulation import Diverged, Simulation, advance, center
 from sim_node.stamps import CONTROL_RATE
-from snca_ros.controller import Controller, step_all
+from snca_ros.controller import Controller, step_all, step_all_faulty
 
 EPISODE, TRANSIENT = 30.0, 5.0
 """Length of an episode [s], and what is discarded at its start [s] (paper, section 4.1)."""
 
 
 @compiled
-def _walk(world, cells, neighbors, n_steps, disturbance, centers):
-    """Run a whole episode; write `centers` (n_steps + 1, 2); return the steps that were sane."""
+def _walk(world, cells, neighbors, n_steps, disturbance, faults, centers):
+    """Run a whole episode; write `centers` (n_steps + 1, 2); return the steps that were sane.
+
+    Without `faults`, None, what they cost is not even compiled.
+    """
     actuation = np.zeros(neighbors.shape[0])
     centers[0] = center(world)
     for k in range(n_steps):
-        step_all(cells, neighbors, world.readings, k, actuation)
+        if faults is None:
+            step_all(cells, neighbors, world.readings, k, actuation)
+        else:
+            step_all_faulty(cells, neighbors, world.readings, k, actuation, faults, k)
         if not advance(world, actuation, k + 1, disturbance, k):
             return k
         centers[k + 1] = center(world)
@@ -69,6 +75,7 @@ def run_episode(
         controller.neighbors,
         n_steps,
         simulation.disturbance(n_steps),
+        controller.fault_tables(n_steps),
         centers,
     )
     simulation.step_count = controller.step_count = done

@@ -13,6 +13,7 @@ import yaml
 from sim_node.errors import InvalidInput
 from sim_node.morphology import DIRECTIONS, Morphology
 from snca_ros.controller_file import TrainedController
+from snca_ros.faults import Faults
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +71,7 @@ class WalkOptions:
     voxels_per_process: int = 1
     bag: str = ''
     storage: str = 'mcap'
+    faults: Faults = field(default_factory=Faults)
     simulation: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -134,6 +136,7 @@ def _simulation_parameters(
         'recorders': 1 if options.bag else 0,
         **{f'material.{k}': v for k, v in vars(trained.material).items()},
         **{f'solver.{k}': v for k, v in vars(trained.solver).items()},
+        **options.faults.of_body,
         **options.simulation,
     }
 
@@ -147,7 +150,8 @@ def _voxel_parameters(
         for d, j in zip(DIRECTIONS, row, strict=True) if j >= 0
     }
     return {
-        'controller': os.path.abspath(controller), 'patience': options.patience, **neighbors
+        'controller': os.path.abspath(controller), 'patience': options.patience, **neighbors,
+        **options.faults.of_cells,
     }
 
 

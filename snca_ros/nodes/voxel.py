@@ -25,6 +25,7 @@ from sim_node.stamps import stamp_of_step
 from snca_ros.cell.cells import Cells
 from snca_ros.controller import weights_of
 from snca_ros.controller_file import load_controller
+from snca_ros.faults import FAULTS_OF_CELLS, CellFaults, Faults, VoxelFaults
 from snca_ros.nodes.spikes import CellMessages, topic_name
 
 _JOIN_PAUSE = 0.05  # seconds without news after which a joining voxel has heard the newest
@@ -48,12 +49,13 @@ class VoxelNode(RosNode):
             'patience', 0.0, 'wall time to wait for a neighbour before taking it for silent '
             '[s]; 0: for ever', 0.0, 3600.0,
         )
+        faults = {name: p(name, *spec) for name, spec in FAULTS_OF_CELLS.items()}
         self.check_unknown_parameters()
         for field, value in (('voxel', self._voxel), *zip(DIRECTIONS, names, strict=True)):
             if not _VOXEL_NAME.fullmatch(value) and (value or field == 'voxel'):
                 raise InvalidInput(field, value, 'voxel_<x>_<y>', self._where())
         self._neighbors = {d: n for d, n in enumerate(names) if n}
-        self._load(path)
+        self._load(path, faults)
         self._make_topics()
         self._joined = False
         self._join_timer = self.create_timer(_JOIN_PAUSE, self._join)
@@ -62,13 +64,18 @@ class VoxelNode(RosNode):
         self._look_timer.cancel()
         self._restart()
 
-    def _load(self, path: str) -> None:
-        """Load this voxel's own parameters from the controller file."""
+    def _load(self, path: str, faults: dict) -> None:
+        """Load this voxel's own parameters from the controller file, and find its own faults."""
         trained = load_controller(path)
         try:
             index = trained.morphology.index_of(self._voxel)
         except InvalidInput as error:
             raise error.found_in(path) from None
+        try:
+            of_cells = CellFaults(Faults(**faults), trained.morphology)
+        except InvalidInput as error:
+            raise error.found_in(self._where()) from None
+        self._faults = VoxelFaults(of_cells, index)
         self._architecture = trained.architecture
         n_voxels = trained.morphology.n_voxels
         weights = weights_of(self._architecture, trained.theta, n_voxels, index)
@@ -101,6 +108,7 @@ class VoxelNode(RosNode):
     def _restart(self) -> None:
         """Start afresh, as at the reset of the simulation."""
         self._cells.reset()
+        self._faults.reset()
         self._inbox = self._cells.silence()
         self._readings: np.ndarray | None = None  # sensors(k) not yet answered
         self._step = -1  # k of the newest sensors
@@ -212,7 +220,12 @@ class VoxelNode(RosNode):
 
     def _publish_step(self) -> None:
         stamp = stamp_of_step(self._step)
-        a = self._cells.step_cell(0, self._readings, self._inbox, self._step)
+        heard = self._faults.hear(self._step, self._inbox)
+        if self._faults.dead(self._step):
+            self._cells.reset()  # limp, silent, and to start afresh
+            a = 0.0
+        else:
+            a = self._cells.step_cell(0, self._readings, heard, self._step)
         self._readings = None
         self._messages_out.publish(self._messages.encode(stamp, self._cells.outbox[0]))
         self._actuation_out.publish(self._actuation_wire.encode(stamp, position=np.array([a])))

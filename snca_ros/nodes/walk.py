@@ -21,6 +21,7 @@ from sim_node.stamps import CONTROL_RATE
 from snca_ros.box import DEFAULT_CONTROLLER, find_controller, graph_environment
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.locomotion import run_episode
+from snca_ros.faults import Faults, parse_faults
 from snca_ros.nodes.bringup import Graph, WalkOptions, describe_graph, robot_name
 from snca_ros.nodes.processes import RunningGraph
 from snca_ros.study import report
@@ -42,6 +43,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--shape', help='refuse a controller of another shape than this')
     parser.add_argument('--robot', default='', help='namespace (default: the shape)')
     parser.add_argument('--voxels-per-process', type=int, default=1, metavar='K')
+    parser.add_argument('--faults', default='', metavar='SPEC',
+                        help='what goes wrong: name=value,... such as loss=0.3,death=0.5@10, '
+                        'or a YAML file; see docs/robustness.md')
     parser.add_argument('--bag', type=Path, help='bag to write (default bags/<robot>-<time>)')
     parser.add_argument('--no-bag', action='store_true', help='record nothing')
     parser.add_argument('--storage', default='mcap', choices=['mcap', 'sqlite3'])
@@ -56,8 +60,9 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     _check_shape(path, trained, args.shape)
     # Also checks all names and compiles the cells before ten processes need them.
     engine = args.engine or trained.chosen_by
+    faults = parse_faults(args.faults)
     offline = _offline_centers(
-        trained, args.terrain or trained.terrain, engine, args.duration
+        trained, args.terrain or trained.terrain, engine, args.duration, faults
     )
     robot = args.robot or robot_name(trained.morphology)
     bag = args.bag or Path('bags') / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'
@@ -65,7 +70,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         raise InvalidInput('bag', str(bag), 'a folder that does not exist yet')
     options = WalkOptions(
         robot, args.terrain, engine, args.duration, args.voxels_per_process,
-        bag='' if args.no_bag else str(bag), storage=args.storage,
+        bag='' if args.no_bag else str(bag), storage=args.storage, faults=faults,
     )
     code = _walk(describe_graph(path, trained, options), args.duration)
     return code if code or args.no_bag else _report(bag, offline)
@@ -79,13 +84,13 @@ def _check_shape(path: Path, trained: TrainedController, shape: str | None) -> N
 
 
 def _offline_centers(
-    trained: TrainedController, terrain: str, engine: str, duration: float
+    trained: TrainedController, terrain: str, engine: str, duration: float, faults: Faults
 ) -> np.ndarray:
     simulation = Simulation(
         trained.morphology, terrain,
-        material=trained.material, solver=trained.solver, engine=engine,
+        material=trained.material, solver=trained.solver, engine=engine, **faults.of_body,
     )
-    return run_episode(simulation, trained.controller(), duration).centers
+    return run_episode(simulation, trained.controller(faults), duration).centers
 
 
 def _walk(graph: Graph, duration: float) -> int:

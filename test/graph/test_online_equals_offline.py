@@ -5,22 +5,24 @@ import pytest
 
 from sim_node.simulation import Simulation
 from snca_ros.controller_file import load_controller
+from snca_ros.faults import Faults, parse_faults
 from snca_ros.nodes.bringup import WalkOptions, describe_graph
 from snca_ros.nodes.processes import RunningGraph
 from snca_ros.study.bag import read_bag
 
 DURATION = 2.0
+NONE = Faults()
 N_STEPS = 120
 COMBINATIONS = [
     (name, model) for name in ('U-nD', 'U-D', 'nU-D') for model in ('mlp', 'snn', 'snn-h')
 ]
 
 
-def offline(path, terrain='flat', engine='pymunk'):
+def offline(path, terrain='flat', engine='pymunk', faults=NONE):
     """Step the offline twins in Python; return centres, readings, actuation and messages."""
     trained = load_controller(path)
-    simulation = Simulation(trained.morphology, terrain, engine=engine)
-    controller = trained.controller()
+    simulation = Simulation(trained.morphology, terrain, engine=engine, **faults.of_body)
+    controller = trained.controller(faults)
     readings = simulation.reset()
     centers, all_readings, actuations, messages = [simulation.center], [], [], []
     for _ in range(N_STEPS):
@@ -33,11 +35,11 @@ def offline(path, terrain='flat', engine='pymunk'):
     return tuple(map(np.array, (centers, all_readings, actuations, messages)))
 
 
-def walk(path, bag, voxels_per_process, terrain='flat', engine=''):
+def walk(path, bag, voxels_per_process, terrain='flat', engine='', faults=NONE):
     """Run the graph and return what its bag holds."""
     options = WalkOptions(
         duration=DURATION, voxels_per_process=voxels_per_process, bag=str(bag), terrain=terrain,
-        engine=engine,
+        engine=engine, faults=faults,
     )
     graph = describe_graph(path, load_controller(path), options)
     with RunningGraph(graph, {}) as running:
@@ -81,3 +83,25 @@ def test_batched_engine_too(make_controller, tmp_path):
     np.testing.assert_array_equal(recording.readings[:N_STEPS], readings)
     in_pymunk, *_ = offline(path, 'uphill-10')
     assert not np.array_equal(in_pymunk, centers)
+
+
+@pytest.mark.parametrize(('name', 'model', 'engine', 'text'), [
+    ('U-nD', 'snn-h', 'pymunk',
+     'loss=0.2,delay=2,death=0.7@0.5-1,broken_sensors=random:0.4@0.3-1.5,'
+     'broken_actuators=frozen:voxel_0_0@1.2,sensor_noise=0.05,seed=7'),
+    ('nU-D', 'mlp', 'batched',
+     'loss=0.4,death=voxel_1_1@0.2-0.6,broken_sensors=frozen:0.7@0.5,'
+     'broken_actuators=random:1@0-1.1,seed=8'),
+])
+def test_faulty_graph_repeats_its_offline_episode(
+    make_controller, tmp_path, name, model, engine, text
+):
+    path, faults = make_controller('11-10', name, model, seed=5), parse_faults(text)
+    centers, readings, actuation, messages = offline(path, engine=engine, faults=faults)
+    recording = walk(path, tmp_path / 'bag', 2, engine=engine, faults=faults)
+    np.testing.assert_array_equal(recording.centers, centers)
+    np.testing.assert_array_equal(recording.readings[:N_STEPS], readings)
+    np.testing.assert_array_equal(recording.actuation[:N_STEPS], actuation)
+    said = recording.values if model == 'mlp' else recording.spikes
+    np.testing.assert_array_equal(said[:N_STEPS].ravel(), messages.ravel())
+    assert not np.array_equal(offline(path, engine=engine)[0], centers)

@@ -17,6 +17,7 @@ from snca_ros.evolution.locomotion import (
     mean_velocity,
     run_episode,
 )
+from snca_ros.faults import Faults, parse_faults
 
 quick = settings(derandomize=True, deadline=None, database=None, max_examples=50)
 
@@ -24,11 +25,11 @@ DIVERGING = {'material': Material(frequency=30.0, damping_ratio=0.0)}
 """Springs too stiff for the physics step: within seconds nothing is finite."""
 
 
-def make_controller(morphology, name, model, seed=0, scale=1.0):
+def make_controller(morphology, name, model, seed=0, scale=1.0, faults=None):
     architecture = Architecture.named(name, model)
     n = architecture.n_parameters(morphology.n_voxels)
     theta = scale * np.random.default_rng(seed).uniform(-1, 1, n)
-    return Controller(architecture, morphology, theta)
+    return Controller(architecture, morphology, theta, faults)
 
 
 def loop(simulation, controller, n_steps):
@@ -132,6 +133,24 @@ def test_episode_is_the_loop_bit_for_bit(shape, name, model, sensor_noise):
         np.testing.assert_array_equal(other.cells.outbox, outbox)
         assert fused.step_count == other.step_count == n_steps
         assert fused.time == n_steps / 60
+
+
+@pytest.mark.parametrize('text', [
+    'loss=0.3,delay=2,death=0.4@1-2,broken_sensors=frozen:0.3@1.5,'
+    'broken_actuators=random:voxel_0_0@1-3,sensor_noise=0.05,seed=3',
+    'broken_actuators=zero:0.5@2', 'loss=0.5',
+])
+def test_faulty_episode_is_the_loop_bit_for_bit(text):
+    faults, none = parse_faults(text), Faults()
+    simulation = Simulation('biped', 'hilly-0.5-10-0', **faults.of_body)
+    controller = make_controller(simulation.morphology, 'U-nD', 'snn-h', scale=2.0, faults=faults)
+    centers, readings, _ = loop(simulation, controller, 240)
+    for _ in range(2):  # the second one is not another
+        np.testing.assert_array_equal(run_episode(simulation, controller, 4.0).centers, centers)
+        np.testing.assert_array_equal(simulation.world.readings, readings[-1])
+    simulation = Simulation('biped', 'hilly-0.5-10-0', **none.of_body)
+    sound = make_controller(simulation.morphology, 'U-nD', 'snn-h', scale=2.0, faults=none)
+    assert not np.array_equal(run_episode(simulation, sound, 4.0).centers, centers)
 
 
 @pytest.mark.parametrize('substeps', [1, 3])
