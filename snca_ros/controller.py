@@ -129,7 +129,7 @@ class Controller:
         self.neighbors = morphology.neighbors
         self.step_count = 0
         self._faults = None
-        if faults and faults.of_cells != Faults(seed=faults.seed).of_cells:
+        if faults and faults.affect_cells:
             self._faults = CellFaults(faults, morphology)
             self._sent = np.zeros((faults.delay + 1, *self.cells.state.outbox.shape))
 

@@ -34,6 +34,13 @@ FAULTS_OF_CELLS = {
 """Name to default, meaning and range, as of a ROS parameter."""
 
 
+def _check(name: str, value: Any, kinds: type | tuple, high: float) -> None:
+    is_kind = isinstance(value, kinds) and not isinstance(value, bool)
+    if not is_kind or not 0 <= value <= high:
+        kind = 'an integer' if kinds is int else 'a number'
+        raise InvalidInput(name, value, f'{kind} from 0 to {high:g}')
+
+
 @dataclass(frozen=True)
 class Faults:
     """What goes wrong in a robot; by default nothing.
@@ -87,6 +94,14 @@ class Faults:
         """Return what a voxel node takes as parameters."""
         return {name: getattr(self, name) for name in FAULTS_OF_CELLS}
 
+    @property
+    def affect_cells(self) -> bool:
+        """Tell whether messages or cells are concerned at all."""
+        return self.loss > 0.0 or self.delay > 0 or self.death != ''
+
+
+NO_FAULTS = Faults()
+
 
 def parse_faults(text: str) -> Faults:
     """Return the faults that `text` describes.
@@ -129,13 +144,6 @@ def _typed(name: str, value: object) -> Any:
         except ValueError:
             pass  # the check of the field says what is expected
     return value
-
-
-def _check(name: str, value: Any, kinds: type | tuple, high: float) -> None:
-    is_kind = isinstance(value, kinds) and not isinstance(value, bool)
-    if not is_kind or not 0 <= value <= high:
-        kind = 'an integer' if kinds is int else 'a number'
-        raise InvalidInput(name, value, f'{kind} from 0 to {high:g}')
 
 
 class CellFaults:

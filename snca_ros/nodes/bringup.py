@@ -13,7 +13,7 @@ import yaml
 from sim_node.errors import InvalidInput
 from sim_node.morphology import DIRECTIONS, Morphology
 from snca_ros.controller_file import TrainedController
-from snca_ros.faults import Faults
+from snca_ros.faults import NO_FAULTS, Faults
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class WalkOptions:
     voxels_per_process: int = 1
     bag: str = ''
     storage: str = 'mcap'
-    faults: Faults = field(default_factory=Faults)
+    faults: Faults = NO_FAULTS
     simulation: dict[str, Any] = field(default_factory=dict)
 
     @property

@@ -3,7 +3,7 @@
 import argparse
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -20,10 +20,14 @@ from snca_ros.box import find_controller
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.locomotion import EPISODE, TRANSIENT, run_episode
 from snca_ros.evolution.workers import Workers, add_worker_arguments, open_workers
+from snca_ros.faults import NO_FAULTS, Faults
 from snca_ros.files import write_text
 
 COLUMNS = ('controller', 'terrain', 'engine', 'start', 'v_x')
 """Of the CSV, a row per episode; start 0 is the exact one, others are pushed."""
+
+FAULTY_STARTS = 9
+"""Pushed starts beside the exact one for each value of a fault, if nobody says how many."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,7 @@ class Trial:
         terrain: name of the ground.
         engine: one of `sim_node.solver.ENGINES`.
         start: 0, or the number of a pushed start, see `Simulation`.
+        faults: what goes wrong.
         duration, transient: of the episode [s], and what its score ignores at the start [s].
     """
 
@@ -42,6 +47,7 @@ class Trial:
     terrain: str
     engine: str = 'pymunk'
     start: int = 0
+    faults: Faults = NO_FAULTS
     duration: float = EPISODE
     transient: float = TRANSIENT
 
@@ -50,14 +56,14 @@ class Trial:
         trained = self.trained
         return Simulation(
             trained.morphology, self.terrain, material=trained.material, solver=trained.solver,
-            engine=self.engine, push=self.start,
+            engine=self.engine, push=self.start, **self.faults.of_body,
         )
 
 
 def score(trial: Trial) -> float:
     """Return v_x [m/s] of a trial; -inf if it diverged."""
-    simulation, controller = trial.simulation(), trial.trained.controller()
-    name = f'trial-{trial.engine}'
+    simulation, controller = trial.simulation(), trial.trained.controller(trial.faults)
+    name = f'trial-{trial.engine}{"-faulty" if trial.faults.affect_cells else ""}'
     warm_up(name, lambda: run_episode(simulation, controller, 2.0 / CONTROL_RATE))
     return run_episode(simulation, controller, trial.duration).velocity(trial.transient)
 
@@ -71,11 +77,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `assess`."""
     parser.add_argument('controllers', nargs='+', metavar='CONTROLLER',
                         help='controller file (.npz), or the name of one in the box')
-    parser.add_argument('--terrains', metavar='NAMES', default=','.join(UNSEEN_TERRAINS),
-                        help='separated by commas (default: the 16 unseen ones)')
+    parser.add_argument('--terrains', metavar='NAMES',
+                        help='separated by commas (default: the 16 unseen ones; '
+                        'with --faults flat)')
     parser.add_argument('--engine', default='pymunk', help=f'{", ".join(ENGINES)} (default pymunk)')
-    parser.add_argument('--starts', type=int, default=0, metavar='N',
-                        help='also walk from N pushed starts: mean and standard deviation')
+    parser.add_argument('--starts', type=int, metavar='N',
+                        help='also walk from N pushed starts: mean and standard deviation '
+                        f'(default 0; with --faults {FAULTY_STARTS})')
+    parser.add_argument('--faults', action='append', default=[], metavar='SPEC',
+                        help='let a fault grow instead, FROM..TO[..STEP] in place of its number: '
+                        'loss=0..0.9..0.1, delay=0..10, death=0..1@5; again for another panel')
     parser.add_argument('--csv', type=Path, metavar='FILE', help='write a row per episode here')
     parser.add_argument('--figure', type=Path, metavar='FILE',
                         help='picture to draw, .png, .svg or .pdf')
@@ -85,18 +96,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Assess as the command line says; return the exit code."""
     from snca_ros.study.figures import check_figure, draw_scores, write_figure
+    from snca_ros.study.robustness import assess_faults
 
     opened = open_workers(args, parser)
+    if args.starts is None:
+        args.starts = FAULTY_STARTS if args.faults else 0
     if not 0 <= args.starts <= 10_000:
         raise InvalidInput('starts', args.starts, 'an integer from 0 to 10000')
     if args.figure:
         check_figure(args.figure)
-    terrains = args.terrains.split(',')
+    terrains = [*UNSEEN_TERRAINS] if not args.faults else ['flat']
+    if args.terrains is not None:
+        terrains = args.terrains.split(',')
     for name in terrains:
         parse_terrain(name)
     trained = [load_controller(find_controller(name)) for name in args.controllers]
     for controller in trained:
         check_engine(args.engine, controller.solver)
+    if args.faults:
+        return assess_faults(args, trained, terrains, opened)
     trials = [
         Trial(controller, terrain, args.engine, start)
         for controller, terrain, start in product(trained, terrains, range(1 + args.starts))
@@ -108,7 +126,11 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     for name, of_one in zip(args.controllers, scores, strict=True):
         print('\n'.join(['', *table(name, terrains, of_one)]), flush=True)
     if args.csv:
-        _write_csv(args.csv, args.controllers, trials, v_x)
+        each = len(trials) // len(trained)
+        write_csv(args.csv, COLUMNS, [
+            (args.controllers[i // each], trial.terrain, trial.engine, trial.start, v)
+            for i, (trial, v) in enumerate(zip(trials, v_x.tolist(), strict=True))
+        ])
     if args.figure:
         write_figure(draw_scores(args.controllers, terrains, scores), args.figure)
     return 0
@@ -139,15 +161,10 @@ def summary(v_x: Sequence[float]) -> tuple[float, float]:
         return float(np.mean(v_x)), float(np.std(v_x, ddof=min(1, len(v_x) - 1)))
 
 
-def _write_csv(
-    path: Path, names: Sequence[str], trials: Sequence[Trial], v_x: np.ndarray
-) -> None:
+def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence]) -> None:
+    """Write a table, atomically; InvalidInput if it cannot be written."""
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator='\n')
-    writer.writerow(COLUMNS)
-    each = len(trials) // len(names)
-    for i, (trial, v) in enumerate(zip(trials, v_x.tolist(), strict=True)):
-        writer.writerow([names[i // each], trial.terrain, trial.engine, trial.start, repr(v)])
+    csv.writer(text, lineterminator='\n').writerows([columns, *rows])
     try:
         write_text(path, text.getvalue())
     except OSError as error:
