@@ -20,6 +20,7 @@ from sim_node.simulation import Simulation, sense, set_rest_lengths
 from snca_ros.cell.nca import Architecture
 from snca_ros.controller import Controller, step_all
 from snca_ros.evolution.locomotion import EPISODE, run_episode
+from snca_ros.faults import NO_FAULTS, Faults, parse_faults
 
 PARTS = ('reset', 'sensors', 'cells', 'actuation')
 SIZES = ('worm-5x1', 'box-5x2', 'box-5x4', 'box-8x5', 'box-10x10')
@@ -28,6 +29,11 @@ CASES = [
     for shape in ('biped', 'comb', 'worm')
     for name, model in (('U-D', 'mlp'), ('U-nD', 'snn-h'))
 ]
+
+EVERY_FAULT = (
+    'loss=0.2,delay=2,death=0.3@1-3,broken_sensors=random:0.5@1,'
+    'broken_actuators=random:0.5@2,sensor_noise=0.1'
+)
 
 
 @compiled
@@ -113,12 +119,28 @@ def measure_case(shape: str, name: str, model: str, rounds: int, duration: float
     }
 
 
+def measure_faults(rounds: int, duration: float) -> float:
+    """Return the cost of a biped's episode with every kind of fault, per one without."""
+
+    def episode(faults: Faults):
+        simulation = Simulation('biped', **faults.of_body)
+        architecture = Architecture.named('U-nD', 'snn-h')
+        theta = np.random.default_rng(1).uniform(-1.0, 1.0, architecture.n_parameters(10))
+        controller = Controller(architecture, simulation.morphology, theta, faults)
+        return lambda: run_episode(simulation, controller, duration)
+
+    faulty, sound = episode(parse_faults(EVERY_FAULT)), episode(NO_FAULTS)
+    faulty(), sound()
+    return statistics.median(seconds(faulty) / seconds(sound) for _ in range(rounds))
+
+
 def measure(quick: bool) -> dict:
     """Measure the paper's shapes with two kinds of cell, and robots of 5 to 100 voxels."""
     rounds, duration = (3, 5.0) if quick else (7, EPISODE)
     return {
         'duration': duration,
         'cases': [measure_case(*case, rounds, duration) for case in CASES],
+        'faulty_per_sound': measure_faults(rounds, duration),
         'sizes': [
             measure_case(shape, 'U-nD', 'snn-h', 3, duration / 3.0) for shape in SIZES
         ],
@@ -151,6 +173,8 @@ def table(results: dict) -> str:
             f'{case["n_voxels"]:6d}' + ''.join(f'{ratio:8.2f}' for ratio in per_voxel)
             + f'{case["episode_per_bare"]:14.2f}'
         )
+    lines += ['', f'Biped U-nD snn-h, every kind of fault: {results["faulty_per_sound"]:.2f} '
+              'times the episode without']
     return '\n'.join(lines)
 
 
