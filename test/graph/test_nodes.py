@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
+from snca_ros.box import DEFAULT_CONTROLLER, find_controller
 from snca_ros.controller_file import load_controller
 from snca_ros.nodes.bringup import WalkOptions, describe_graph
 
@@ -55,6 +56,13 @@ BAD = {
     'unknown policy': ('sim_node', ['-p', 'on_silence:=wait'], ['on_silence', 'go_on']),
     'no controller': ('voxel_node', ['-p', 'controller:=/nowhere.npz'], ['/nowhere.npz']),
     'no such neighbour': ('voxel_node', ['-p', 'neighbor.left:=x'], ['left', "'x'"]),
+    'no such breakage': (
+        'sim_node', ['-p', 'broken_sensors:=half:0.5'], ['broken_sensors', 'zero|frozen|random']
+    ),
+    'more than all voxels': (
+        'voxel_node', ['-p', f'controller:={find_controller(DEFAULT_CONTROLLER)}',
+                       '-p', 'death:=1.5'], ['death', "'1.5'"]
+    ),
     'storage': ('recorder_node', ['-p', 'storage:=tape'], ['storage', "'tape'", 'mcap']),
     'bad remap': ('sim_node', ['-r', '__ns:=a b'], ['error']),
 }

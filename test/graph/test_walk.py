@@ -29,8 +29,10 @@ def node_of(pid):
         return ''
 
 
-def test_walk_equals_its_offline_twin(start, make_controller, tmp_path):
-    child = start('walk', make_controller('11-10'), '--duration', 1.5, '--bag', 'bag')
+@pytest.mark.parametrize('faults', ['', 'loss=0.5,death=0.7@0.5-1,broken_actuators=random:0.4@1'])
+def test_walk_equals_its_offline_twin(start, make_controller, tmp_path, faults):
+    child = start('walk', make_controller('11-10'), '--duration', 1.5, '--bag', 'bag',
+                  '--faults', faults)
     output, _ = child.communicate(timeout=90)
     assert child.returncode == 0, output
     assert '91 positions of the centre, bit for bit the same' in output
@@ -73,6 +75,7 @@ def test_voxel_that_dies_is_named(start, make_controller):
     (['CONTROLLER', '--terrain', 'hily'], ['terrain', "'hily'", 'hilly']),
     (['CONTROLLER', '--duration', '-1'], ['duration', '-1']),
     (['CONTROLLER', '--voxels-per-process', '0'], ['voxels_per_process', '0']),
+    (['CONTROLLER', '--faults', 'death=voxel_1_0'], ['death', "'voxel_1_0'"]),
     (['CONTROLLER', '--robot', 'a b'], ['robot', "'a b'"]),
     (['CONTROLLER', '--bag', '.'], ['bag', "'.'"]),
 ])
