@@ -7,13 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_node.compiled import compiled, inlined_part
+from sim_node.compiled import compiled
 from sim_node.errors import InvalidInput
 from sim_node.morphology import OPPOSITE, Morphology
-from snca_ros.cell.cells import Cells, step_cells
-from snca_ros.cell.coding import NEVER
+from snca_ros.cell.cells import Cells, reset_cells, step_cells
 from snca_ros.cell.nca import Architecture
-from snca_ros.cell.snn import THETA_0
 from snca_ros.faults import CellFaults, Faults
 
 _OPPOSITE = np.array(OPPOSITE)
@@ -48,19 +46,6 @@ def step_all(cells, neighbors, readings, step, actuation):
     step_cells(cells, 0, neighbors.shape[0], readings, step, actuation)
 
 
-@inlined_part
-def start_afresh(cells, i):
-    """Do for cell `i` what `Cells.reset` does for all."""
-    cells.v[i] = 0.0
-    cells.psi[i] = 0.0
-    cells.theta[i] = THETA_0
-    cells.counts[i] = 0
-    cells.age[i] = 0
-    cells.last_spike[i] = NEVER
-    cells.inbox[i] = 0.0
-    cells.outbox[i] = 0.0
-
-
 @compiled
 def step_all_faulty(cells, neighbors, readings, step, actuation, faults, row):
     """Do what `step_all` does, with what row `row` of the `faults` lets go wrong."""
@@ -73,7 +58,7 @@ def step_all_faulty(cells, neighbors, readings, step, actuation, faults, row):
     step_cells(cells, 0, neighbors.shape[0], readings, step, actuation)
     for i in range(neighbors.shape[0]):
         if faults.dead[row, i]:
-            start_afresh(cells, i)
+            reset_cells(cells, i, i + 1)
             actuation[i] = 0.0
     sent[:] = cells.outbox
 

@@ -49,6 +49,20 @@ class CellState(NamedTuple):
 
 
 @compiled
+def reset_cells(cells, first, last):
+    """Let the cells from `first` to `last` forget everything but their weights."""
+    for i in range(first, last):
+        cells.v[i] = 0.0
+        cells.psi[i] = 0.0
+        cells.theta[i] = snn.THETA_0
+        cells.last_spike[i] = NEVER
+        cells.counts[i] = 0
+        cells.age[i] = 0
+        cells.inbox[i] = 0.0
+        cells.outbox[i] = 0.0
+
+
+@compiled
 def step_cells(cells, first, last, readings, step, actuation):
     """Advance the cells from `first` to `last` by one control step.
 
@@ -173,11 +187,7 @@ class Cells:
 
     def reset(self) -> None:
         """Forget everything but the weights."""
-        s = self.state
-        for array in (s.v, s.psi, s.counts, s.age, s.inbox, s.outbox):
-            array.fill(0)
-        s.theta.fill(snn.THETA_0)
-        s.last_spike.fill(NEVER)
+        reset_cells(self.state, 0, len(self.state.rows))
 
     @property
     def outbox(self) -> np.ndarray:
