@@ -13,7 +13,8 @@ EXECUTABLES = (
 
 ROS = ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces']
 CLUSTER = ['distributed']
-TEST = [*CLUSTER, 'pytest', 'hypothesis', 'ruff', 'mypy', 'types-PyYAML']
+CMA = ['cma', 'threadpoolctl']
+TEST = [*CLUSTER, *CMA, 'pytest', 'hypothesis', 'ruff', 'mypy', 'types-PyYAML']
 
 
 def launchers() -> list[str]:
@@ -58,7 +59,7 @@ setup(
     install_requires=[
         'numpy', 'numba', 'pymunk>=7,<8', 'rosbags>=0.11', 'pyyaml', 'matplotlib', 'pillow',
     ],
-    extras_require={'ros': ROS, 'test': TEST, 'cluster': CLUSTER},
+    extras_require={'ros': ROS, 'test': TEST, 'cluster': CLUSTER, 'cma': CMA},
     entry_points={'console_scripts': ['snca = snca_ros.cli:main']},
     zip_safe=False,
 )

@@ -139,6 +139,9 @@ class RunFolder:
             'generation': (),
             'reassessed': (min(len(arrays['reassessed']), config.n_elite),),
         }
+        if config.strategy == 'cma':
+            expected['told'] = (expected['history'][0], config.population)
+            expected['mean'] = (config.n_parameters,)
         if arrays.keys() != expected.keys():
             raise InvalidInput('entries', sorted(arrays), ', '.join(sorted(expected)))
         for name, shape in expected.items():

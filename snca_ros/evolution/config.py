@@ -14,6 +14,7 @@ from sim_node.solver import Solver, check_engine
 from sim_node.terrain import parse_terrain
 from snca_ros.cell.nca import Architecture
 from snca_ros.evolution.locomotion import EPISODE, TRANSIENT
+from snca_ros.evolution.strategy import STRATEGIES, Strategy, check_strategy
 from snca_ros.files import read_yaml
 
 
@@ -28,6 +29,7 @@ class RunConfig:
         evaluations: episodes to spend (paper: 30,000).
         seed: of all random numbers.
         population, sigma: of the evolution strategy.
+        strategy: one of `snca_ros.evolution.strategy.STRATEGIES`.
         duration, transient: of an episode [s], and what its score ignores at the start [s].
         material, solver: of the simulation.
         engine: one of `sim_node.solver.ENGINES`, in which episodes are scored.
@@ -48,6 +50,7 @@ class RunConfig:
     material: Material = field(default_factory=Material)
     solver: Solver = field(default_factory=Solver)
     engine: str = 'pymunk'
+    strategy: str = 'es'
 
     def __post_init__(self) -> None:
         parse_morphology(self.shape)
@@ -59,12 +62,19 @@ class RunConfig:
         _check('duration', self.duration, (int, float), 0.1, 3600.0)
         _check('transient', self.transient, (int, float), 0.0, self.duration)
         check_engine(self.engine, self.solver)
+        check_strategy(self.strategy)
 
     def simulation(self) -> Simulation:
         """Return the simulation of an episode."""
         return Simulation(
             self.shape, self.terrain,
             material=self.material, solver=self.solver, engine=self.engine,
+        )
+
+    def new_strategy(self) -> Strategy:
+        """Return the strategy as it is before the first generation."""
+        return STRATEGIES[self.strategy](
+            self.n_parameters, population=self.population, sigma=self.sigma, seed=self.seed
         )
 
     @property
@@ -82,6 +92,8 @@ class RunConfig:
         parts.append(self.terrain)
         if self.engine != 'pymunk':
             parts.append(self.engine)
+        if self.strategy != 'es':
+            parts.append(self.strategy)
         for key in ('evaluations', 'population', 'sigma', 'duration', 'transient'):
             value = getattr(self, key)
             if value != type(self).__dataclass_fields__[key].default:

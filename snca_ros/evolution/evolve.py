@@ -10,13 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
+from sim_node.errors import InvalidInput
 from sim_node.morphology import SHAPES
 from sim_node.solver import ENGINES
 from snca_ros.cell.nca import ARCHITECTURES, NEURON_MODELS, Architecture
 from snca_ros.evolution.checkpoint import Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evaluator import evaluate
-from snca_ros.evolution.strategy import SimpleEvolutionStrategy
+from snca_ros.evolution.strategy import STRATEGIES, Strategy
 from snca_ros.evolution.workers import Workers, add_worker_arguments, open_workers
 from snca_ros.status import StatusLine, TimeLeft
 
@@ -37,15 +38,9 @@ def evolve(
         report: called with the `Progress` after every generation.
     """
     config = folder.config
-    strategy = SimpleEvolutionStrategy(
-        config.n_parameters,
-        population=config.population, sigma=config.sigma, seed=config.seed,
-    )
     progress = folder.load()
-    if progress.history:
-        strategy.restore(progress.strategy)
     if progress.evaluations < config.evaluations:
-        progress = _spend(folder, strategy, progress, workers, report)
+        progress = _spend(folder, progress, workers, report)
     if config.engine != 'pymunk' and not len(progress.reassessed):
         best = progress.strategy['individuals'][: config.n_elite]
         scores = evaluate(workers, replace(config, engine='pymunk'), best)
@@ -55,10 +50,14 @@ def evolve(
 
 
 def _spend(
-    folder: RunFolder, strategy: SimpleEvolutionStrategy, progress: Progress,
-    workers: Workers, report: Callable[[Progress], None],
+    folder: RunFolder, progress: Progress, workers: Workers, report: Callable[[Progress], None]
 ) -> Progress:
-    config = folder.config
+    config, strategy = folder.config, folder.config.new_strategy()
+    if progress.history:
+        try:
+            strategy.restore(progress.strategy)
+        except InvalidInput as error:
+            raise error.found_in(str(folder.path / 'checkpoint.npz')) from None
     while progress.evaluations < config.evaluations:
         candidates = strategy.ask()[: config.evaluations - progress.evaluations]
         fitness = np.array(list(evaluate(workers, config, candidates)))
@@ -73,7 +72,7 @@ def _spend(
 
 
 def _history_row(
-    before: Progress, fitness: np.ndarray, strategy: SimpleEvolutionStrategy
+    before: Progress, fitness: np.ndarray, strategy: Strategy
 ) -> tuple[float, ...]:
     return (
         len(before.history),
@@ -117,6 +116,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     new.add_argument('--terrain', help='flat, hilly-h-w-seed, steppy-h-w-seed, uphill-a, ...')
     new.add_argument('--evaluations', type=int, help='episodes to spend (default 30000)')
     new.add_argument('--seed', type=int, help='of all random numbers (default 0)')
+    new.add_argument('--strategy', help=f'{", ".join(STRATEGIES)} (default es, the paper\'s)')
     new.add_argument('--population', type=int, help='individuals per generation (default 36)')
     new.add_argument('--sigma', type=float, help='spread of the children (default 0.35)')
     new.add_argument('--engine', help=f'{", ".join(ENGINES)}: what scores (default pymunk)')
@@ -130,6 +130,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 _OF_THE_CELL = ('n_c', 'hidden', 'as_printed')
 _OF_THE_RUN = (
     'terrain', 'evaluations', 'seed', 'population', 'sigma', 'duration', 'transient', 'engine',
+    'strategy',
 )
 
 
@@ -164,6 +165,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         folder = RunFolder.resume(args.resume)
     else:
         config = _new_config(args)
+        config.new_strategy()  # refuses one that is not installed before there is a folder
         folder = RunFolder.create(args.run or Path('runs') / config.name, config)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     print(f'{folder.path}: {_described(folder.config)}', file=sys.stderr)

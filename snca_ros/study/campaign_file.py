@@ -13,7 +13,7 @@ from snca_ros.files import read_yaml
 _NEEDED = ('shape', 'architecture', 'neuron_model')
 _KEYS = (
     *_NEEDED, 'as_printed', 'terrain', 'evaluations', 'seed', 'population', 'sigma',
-    'duration', 'transient', 'engine',
+    'duration', 'transient', 'engine', 'strategy',
 )
 
 

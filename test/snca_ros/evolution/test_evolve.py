@@ -685,6 +685,8 @@ WRONG = {
     'sigma': [None, -1, float('nan'), 'x', True, 10**400],
     'duration': [None, 0, float('inf'), '30'],
     'transient': [None, -1, 31, float('nan')],
+    'engine': [None, 3, [], 'batch'],
+    'strategy': [None, 3, [], 'CMA-ES'],
     'material': [None, 3, [], {'gravity': 'x'}, {'gravity': -1}, {'gravty': 1}, {1: 2}],
     'solver': [None, 3, [], {'substeps': 0}, {'substeps': 1.0}, {'nothing': 1}, {1: 2}],
     'architecture': [

@@ -120,7 +120,7 @@ def test_every_setting_is_in_a_runs_name():
     others = {
         'shape': 'comb', 'terrain': 'uphill-10', 'evaluations': 10, 'seed': 1, 'population': 8,
         'sigma': 0.3500001, 'duration': 20.0, 'transient': 1.0, 'engine': 'batched',
-        'architecture': Architecture.named('nU-D', 'mlp'),
+        'strategy': 'cma', 'architecture': Architecture.named('nU-D', 'mlp'),
     }
     assert others.keys() == {f.name for f in fields(RunConfig)} - {'material', 'solver'}
     cells = [
