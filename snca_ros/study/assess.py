@@ -146,8 +146,9 @@ def table(name: str, terrains: Sequence[str], scores: np.ndarray) -> list[str]:
             deviation are told. The last line has means over the terrains, start by start.
     """
     n_pushed = scores.shape[1] - 1
-    head = f'{name:24}{"v_x":>9}'
-    lines = [f'{head}{"mean":>9}{"std":>9}  of {n_pushed} pushed starts' if n_pushed else head]
+    head = f'{"":24}{"v_x":>9}'
+    head = f'{head}{"mean":>9}{"std":>9}  of {n_pushed} pushed starts' if n_pushed else head
+    lines = [name, head]
     rows = [*zip(terrains, scores, strict=True), ('mean', scores.mean(axis=0))]
     for terrain, (exact, *pushed) in rows:
         numbers = [exact, *summary(pushed)] if pushed else [exact]

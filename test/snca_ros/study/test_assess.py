@@ -85,13 +85,14 @@ def test_table_csv_and_figure_tell_the_same(worms, tmp_path, capsys):
 
 def test_lines_of_a_table():
     scores = np.array([[1.0, 0.0, 2.0, 4.0], [3.0, 2.0, 2.0, 2.0]])
-    head, flat, hilly, mean = table('worm', ['flat', 'hilly'], scores)
-    assert head.split() == ['worm', 'v_x', 'mean', 'std', 'of', '3', 'pushed', 'starts']
+    name, head, flat, hilly, mean = table('worm', ['flat', 'hilly'], scores)
+    assert name == 'worm'
+    assert head.split() == ['v_x', 'mean', 'std', 'of', '3', 'pushed', 'starts']
     assert flat.split() == ['flat', '1.000', '2.000', '2.000']
     assert hilly.split() == ['hilly', '3.000', '2.000', '0.000']
     assert mean.split() == ['mean', '2.000', '2.000', '1.000']  # means 1, 2, 3 of the starts
     assert [line.split() for line in table('w', ['flat'], scores[:1, :1])] == [
-        ['w', 'v_x'], ['flat', '1.000'], ['mean', '1.000']
+        ['w'], ['v_x'], ['flat', '1.000'], ['mean', '1.000']
     ]
 
 
