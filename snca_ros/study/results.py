@@ -64,14 +64,14 @@ def perform(config: RunConfig, path: Path) -> Outcome:
 
 def _row(config: RunConfig, path: Path) -> dict[str, str]:
     best, cell = load_controller(path / 'best.npz'), config.architecture
-    flat = Trial(best, config.terrain, duration=config.duration, transient=config.transient)
-    unseen = [score(replace(flat, terrain=terrain)) for terrain in UNSEEN_TERRAINS]
-    mean, deviation = summary([score(replace(flat, start=1 + i)) for i in range(STARTS)])
+    own = Trial(best, config.terrain, duration=config.duration, transient=config.transient)
+    unseen = [score(replace(own, terrain=terrain)) for terrain in UNSEEN_TERRAINS]
+    mean, deviation = summary([score(replace(own, start=1 + i)) for i in range(STARTS)])
     values = (
         config.name, config.shape, cell.name, cell.neuron_model, str(cell.as_printed).lower(),
         config.seed, config.engine, best.evaluations, best.fitness, best.chosen_by,
-        *(score(replace(flat, engine=engine)) for engine in ENGINES),
-        summary(unseen)[0], *unseen, STARTS, mean, deviation, _frequency(flat),
+        *(score(replace(own, engine=engine)) for engine in ENGINES),
+        summary(unseen)[0], *unseen, STARTS, mean, deviation, _frequency(own),
     )
     return dict(zip(COLUMNS, map(str, values), strict=True))
 
