@@ -1,5 +1,7 @@
 """(ROS) The body's topics: their names, stamps and QoS, and readings and actuation as messages."""
 
+import secrets
+
 import numpy as np
 from geometry_msgs.msg import Point
 from nav_msgs.msg import Odometry
@@ -41,10 +43,35 @@ def stream_qos(depth: int = HISTORY) -> QoSProfile:
     )
 
 
-def _joint_state_format(frame: str, names: list[str]) -> WireFormat:
+EXAMPLE_EPISODE = b'EPISODE.'
+
+
+def new_episode() -> np.ndarray:
+    """Return a name that no other episode has, 8 hexadecimal digits as ASCII, (8,) uint8.
+
+    The simulation draws one whenever it starts or is reset. Sensors carry it in their frame_id,
+    `<voxel>@<episode>`, and voxels repeat it in whatever they say in answer: nobody takes a
+    message of another episode, or of another simulation, for one of this.
+    """
+    return np.frombuffer(secrets.token_hex(len(EXAMPLE_EPISODE) // 2).encode(), np.uint8)
+
+
+def frame_of(voxel: str, episode: bytes = EXAMPLE_EPISODE) -> str:
+    """Return the frame_id of what concerns a voxel in an episode."""
+    return f'{voxel}@{episode.decode()}'
+
+
+def check_frame(voxel: str, frame: str) -> None:
+    """Raise InvalidInput if `frame` is not the voxel's in any episode."""
+    place, _, episode = frame.rpartition('@')
+    if place != voxel or len(episode.encode()) != len(EXAMPLE_EPISODE):
+        raise InvalidInput('frame_id', frame, frame_of(voxel, b'<digits>'))
+
+
+def _joint_state_format(voxel: str, names: list[str]) -> WireFormat:
     numbers = np.arange(1.0, len(names) + 1.0) / 7.0
     message = JointState(name=names, position=numbers.tolist())
-    message.header.frame_id = frame
+    message.header.frame_id = frame_of(voxel)
 
     def check(received: JointState) -> None:
         if list(received.name) != names:
@@ -55,11 +82,11 @@ def _joint_state_format(frame: str, names: list[str]) -> WireFormat:
             )
         if received.velocity or received.effort:
             raise InvalidInput('velocity, effort', 'values', 'none')
-        if received.header.frame_id != frame:
-            raise InvalidInput('frame_id', received.header.frame_id, frame)
+        check_frame(voxel, received.header.frame_id)
 
     empty = 2 * 4  # the lengths of velocity and effort
-    return WireFormat(message, {'position': numbers}, tail=empty, check=check)
+    numbers_of = {'position': numbers, 'episode': np.frombuffer(EXAMPLE_EPISODE, np.uint8)}
+    return WireFormat(message, numbers_of, tail=empty, check=check)
 
 
 def sensors_format(voxel: str) -> WireFormat:
@@ -73,20 +100,20 @@ def actuation_format(voxel: str) -> WireFormat:
 
 
 def read_joint_state(wire: WireFormat, data: bytes, low: float, high: float):
-    """Return (step, numbers) of serialised sensors or actuation.
+    """Return (episode, step, numbers) of serialised sensors or actuation.
 
     Raises:
         InvalidInput: a fixed part, the stamp or a number is not what it should be.
     """
     try:
-        stamp, numbers = wire.decode(data, 'position')
+        stamp, (numbers, episode) = wire.decode(data, 'position', 'episode')
     except InvalidInput:
         raise
     except Exception as error:
         raise InvalidInput('message', str(error), 'a sensor_msgs/JointState') from None
     if not all(low <= number <= high for number in numbers.tolist()):
         raise InvalidInput('position', numbers.tolist(), f'numbers from {low:g} to {high:g}')
-    return step_of_stamp(*stamp), numbers
+    return episode.tobytes(), step_of_stamp(*stamp), numbers
 
 
 def clock_format() -> WireFormat:

@@ -63,7 +63,6 @@ class SimNode(RosNode):
         self._make_services()
         self._silent: set[str] = set()
         self._begun = False
-        self._last_before_reset = -1
         self._to_make: int | None = None
         self._waiting_since = time.monotonic()
         self._actuation = np.zeros(len(self._voxels))
@@ -153,7 +152,7 @@ class SimNode(RosNode):
 
     def _begin(self) -> None:
         """Put the robot down, expect every voxel again, and publish step 0."""
-        self._last_before_reset = self.simulation.step_count if self._begun else -1
+        self._episode = interface.new_episode()
         self._begun, self._to_make = True, None
         self._silent.clear()
         self._readings = self.simulation.reset()
@@ -185,17 +184,23 @@ class SimNode(RosNode):
             self._finish()
             return
         for (publisher, wire), readings in zip(self._sensors_out, self._readings, strict=True):
-            publisher.publish(wire.encode(stamp, position=readings))
+            publisher.publish(wire.encode(stamp, position=readings, episode=self._episode))
 
     def _on_actuation(self, i: int, data: bytes) -> None:
         voxel = self._voxels[i]
         step = self.simulation.step_count
         try:
-            sent, a = interface.read_joint_state(self._actuation_wires[i], data, -1.0, 1.0)
-            if sent > max(step, self._last_before_reset):
+            episode, sent, a = interface.read_joint_state(
+                self._actuation_wires[i], data, -1.0, 1.0
+            )
+            mine = self._begun and episode == self._episode.tobytes()
+            if mine and sent > step:
                 raise InvalidInput('stamp', f'step {sent}', f'at most step {step}')
         except InvalidInput as error:
             self.refuse(f'{voxel}/{interface.ACTUATION_TOPIC}', error)
+            return
+        if not mine:
+            self.count('actuation of another episode')
             return
         if sent != step or i not in self._awaited:
             self.count('late or repeated actuation')

@@ -59,7 +59,10 @@ class WireFormat:
         self._known: set[bytes] = set()
 
     def encode(self, stamp: tuple[int, int] | None = None, **numbers: np.ndarray) -> bytes:
-        """Return the serialised message with this (sec, nanosec) and these numbers."""
+        """Return the serialised message with this (sec, nanosec) and these numbers.
+
+        What is not given stays as it was in the last message.
+        """
         data = self._data
         if stamp is not None:
             _TIME.pack_into(data, _STAMP.start, *stamp)
@@ -68,8 +71,8 @@ class WireFormat:
             data[where] = np.asarray(values, dtype=dtype).tobytes()
         return bytes(data)
 
-    def decode(self, data: bytes, name: str) -> tuple[tuple[int, int], np.ndarray]:
-        """Return (sec, nanosec) and the numbers called `name` of a serialised message.
+    def decode(self, data: bytes, *names: str) -> tuple[tuple[int, int], list[np.ndarray]]:
+        """Return (sec, nanosec) and the numbers of these names of a serialised message.
 
         Fixed parts that were never seen before are deserialised by rclpy and checked; `check`
         or rclpy raise if they are off.
@@ -86,5 +89,6 @@ class WireFormat:
                 raise ValueError(f'{len(data)} bytes, expected {len(self._data)}')
             if len(self._known) < _MAX_KNOWN:
                 self._known.add(fixed)
-        where, dtype = self._slots[name]
-        return _TIME.unpack_from(data, _STAMP.start), np.frombuffer(data[where], dtype)
+        slots = [self._slots[name] for name in names]
+        numbers = [np.frombuffer(data[where], dtype) for where, dtype in slots]
+        return _TIME.unpack_from(data, _STAMP.start), numbers

@@ -3,6 +3,7 @@
 import numpy as np
 from sensor_msgs.msg import Image
 
+from sim_node import interface
 from sim_node.errors import InvalidInput
 from sim_node.stamps import step_of_stamp
 from sim_node.wire import WireFormat
@@ -17,7 +18,7 @@ class CellMessages:
 
     Args:
         architecture: of the cells.
-        voxel: name of the sender, the message's frame.
+        voxel: name of the sender.
     """
 
     def __init__(self, architecture: Architecture, voxel: str) -> None:
@@ -39,36 +40,39 @@ class CellMessages:
             step=width * np.dtype(dtype).itemsize,
             data=example.tobytes(),
         )
-        image.header.frame_id = voxel
+        image.header.frame_id = interface.frame_of(voxel)
         self._fixed = {
             'height': image.height, 'width': image.width, 'encoding': image.encoding,
             'is_bigendian': 0, 'step': image.step,
         }
-        self._frame, self._n_bytes = voxel, len(image.data)
-        self._wire = WireFormat(image, {'data': example}, check=self._check)
+        self._voxel, self._n_bytes = voxel, len(image.data)
+        episode = np.frombuffer(interface.EXAMPLE_EPISODE, np.uint8)
+        numbers = {'data': example, 'episode': episode}
+        self._wire = WireFormat(image, numbers, check=self._check)
 
     def _check(self, image: Image) -> None:
-        if image.header.frame_id != self._frame:
-            raise InvalidInput('frame_id', image.header.frame_id, self._frame)
+        interface.check_frame(self._voxel, image.header.frame_id)
         for name, expected in self._fixed.items():
             if getattr(image, name) != expected:
                 raise InvalidInput(name, getattr(image, name), repr(expected))
         if len(image.data) != self._n_bytes:
             raise InvalidInput('data', f'{len(image.data)} bytes', f'{self._n_bytes} bytes')
 
-    def encode(self, stamp: tuple[int, int], outbox: np.ndarray) -> bytes:
+    def encode(
+        self, episode: np.ndarray, stamp: tuple[int, int], outbox: np.ndarray
+    ) -> bytes:
         """Return the serialised message of (n_destinations, n_c, width) spikes or values."""
         data = (outbox * 255).astype(np.uint8) if self._spiking else outbox
-        return self._wire.encode(stamp, data=data)
+        return self._wire.encode(stamp, data=data, episode=episode)
 
-    def decode(self, data: bytes) -> tuple[int, np.ndarray]:
-        """Return (step, (n_destinations, n_c, width) spikes 0.0/1.0 or values).
+    def decode(self, data: bytes) -> tuple[bytes, int, np.ndarray]:
+        """Return (episode, step, (n_destinations, n_c, width) spikes 0.0/1.0 or values).
 
         Raises:
             InvalidInput: a fixed part, the stamp, a pixel or a value is not what it should be.
         """
         try:
-            stamp, numbers = self._wire.decode(data, 'data')
+            stamp, (numbers, episode) = self._wire.decode(data, 'data', 'episode')
         except InvalidInput:
             raise
         except Exception as error:
@@ -79,7 +83,7 @@ class CellMessages:
             numbers = numbers / 255.0
         elif not (np.abs(numbers) <= 1.0).all():
             raise InvalidInput('data', numbers.tolist(), 'values from -1 to 1')
-        return step_of_stamp(*stamp), numbers.reshape(self._shape)
+        return episode.tobytes(), step_of_stamp(*stamp), numbers.reshape(self._shape)
 
 
 def topic_name(architecture: Architecture) -> str:

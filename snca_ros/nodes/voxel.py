@@ -2,13 +2,14 @@
 
 It knows its place, its parameters and its neighbours' names, and nothing of the robot's shape.
 It steps when it holds `sensors`(k) and its neighbours' messages(k - 1), publishes its own
-message(k), then `actuation`(k).
+message(k), then `actuation`(k). When the simulation starts anew or is reset, so does the voxel.
 """
 
 import argparse
 import re
 import sys
 import time
+from collections import deque
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -29,6 +30,7 @@ from snca_ros.faults import FAULTS_OF_CELLS, CellFaults, Faults, VoxelFaults
 from snca_ros.nodes.spikes import CellMessages, topic_name
 
 _JOIN_PAUSE = 0.05  # seconds without news after which a joining voxel has heard the newest
+_JOIN_LIMIT = 0.2  # seconds after the first news; in real time there is no pause
 _LOOK_PERIOD = 0.001  # seconds between looks for a neighbour's message that is late
 _VOXEL_NAME = re.compile(r'voxel_\d+_\d+')
 
@@ -62,7 +64,12 @@ class VoxelNode(RosNode):
         # Neighbours' messages nearly always come before the sensors that they are awaited with.
         self._look_timer = self.create_timer(_LOOK_PERIOD, self._try_step)
         self._look_timer.cancel()
-        self._restart()
+        self._episode = b''
+        self._past: deque[bytes] = deque(maxlen=interface.QUEUE)
+        self._received: dict[int, dict[tuple[bytes, int], np.ndarray]] = {
+            d: {} for d in self._neighbors
+        }
+        self._restart(b'')
 
     def _load(self, path: str, faults: dict) -> None:
         """Load this voxel's own parameters from the controller file, and find its own faults."""
@@ -105,35 +112,40 @@ class VoxelNode(RosNode):
             JointState, f'{voxel}/{interface.SENSORS_TOPIC}', self._on_sensors, queue, raw=True
         )
 
-    def _restart(self) -> None:
-        """Start afresh, as at the reset of the simulation."""
+    def _restart(self, episode: bytes) -> None:
+        """Start afresh: the simulation has, or was reset.
+
+        What neighbours that noticed it first have said in the new episode is kept.
+        """
+        self._past.append(self._episode)
+        self._episode = episode
         self._cells.reset()
         self._faults.reset()
         self._inbox = self._cells.silence()
         self._readings: np.ndarray | None = None  # sensors(k) not yet answered
         self._step = -1  # k of the newest sensors
-        self._since = 0.0
-        old = getattr(self, '_received', {})
-        # Neighbours may have reset first: keep what they said at the new step 0.
-        self._received: dict[int, dict[int, np.ndarray]] = {
-            d: {0: old[d][0]} if 0 in old.get(d, ()) else {} for d in self._neighbors
-        }
+        self._since = self._first_heard = time.monotonic()
         self._silent: set[int] = set()
 
     def _on_sensors(self, data: bytes) -> None:
         try:
-            step, readings = interface.read_joint_state(self._sensors_wire, data, 0.0, 1.0)
-            self._check_future(step)
+            episode, step, readings = interface.read_joint_state(
+                self._sensors_wire, data, 0.0, 1.0
+            )
+            self._check_future(episode, step)
         except InvalidInput as error:
             self.refuse(f'{self._voxel}/{interface.SENSORS_TOPIC}', error)
             return
-        if step == 0 and self._joined:
-            self._restart()
-        elif self._joined and step <= self._step:
+        if episode in self._past:
+            self.count('sensors of a past episode')
+            return
+        if episode != self._episode:
+            self._restart(episode)
+        elif step <= self._step:
             self.count('repeated sensors')
             return
         self._step, self._readings, self._since = step, readings, time.monotonic()
-        if not self._joined:
+        if not self._joined and self._since - self._first_heard < _JOIN_LIMIT:
             self._join_timer.reset()
         self._try_step()
 
@@ -155,68 +167,70 @@ class VoxelNode(RosNode):
 
     def _note_message(self, direction: int, data: bytes) -> None:
         try:
-            step, message = self._neighbor_messages[direction].decode(data)
-            self._check_future(step)
+            episode, step, message = self._neighbor_messages[direction].decode(data)
+            self._check_future(episode, step)
         except InvalidInput as error:
             self.refuse(f'{self._neighbors[direction]}/{topic_name(self._architecture)}', error)
             return
         box = self._received[direction]
-        for old in [k for k in box if k > step]:  # the neighbour was reset
-            del box[old]
-        box[step] = message
+        box[episode, step] = message
         while len(box) > interface.QUEUE:
-            del box[min(box)]
+            del box[next(iter(box))]
         self._silent.discard(direction)
 
     def health(self) -> tuple[bytes, str]:
         """Return the state for /diagnostics: the step, and whom it waits for."""
         if self._readings is None:
             return DiagnosticStatus.OK, f'step {self._step} answered'
-        missing = [
-            self._neighbors[d] for d, box in self._received.items() if self._step - 1 not in box
-        ]
-        waiting = ', '.join(missing) or 'nobody'
+        waiting = ', '.join(self._neighbors[d] for d in self._awaited()) or 'nobody'
         return DiagnosticStatus.OK, f'step {self._step} waits for {waiting}'
 
-    def _check_future(self, step: int) -> None:
+    def _check_future(self, episode: bytes, step: int) -> None:
         """Refuse a stamp further ahead than a voxel that catches up can see."""
         latest = self._step + interface.HISTORY
-        if self._step >= 0 and step > latest:
+        if episode == self._episode and step > latest:
             raise InvalidInput('stamp', f'step {step}', f'at most step {latest}')
+
+    def _awaited(self) -> list[int]:
+        """Return the directions from which a message of the step before is still to come.
+
+        A neighbour that has already said something later will not say it any more: it was killed
+        in the middle of it, and started again.
+        """
+        now = self._episode, self._step
+        before = self._episode, self._step - 1
+        return [
+            d for d, box in self._received.items()
+            if self._step and before not in box and now not in box and d not in self._silent
+        ]
 
     def _try_step(self) -> None:
         """Step if sensors(k) and all neighbours' messages(k - 1) are here."""
         if self._readings is None or not self._joined:
             return
-        before = self._step - 1
         self._take_messages()
-        if before >= 0:
-            missing = [d for d, box in self._received.items() if before not in box]
-            waiting = [d for d in missing if d not in self._silent]
-            if waiting:
-                self._look_timer.reset()
-                # Until step 2 neighbours may still be looking for each other.
-                patience = self._patience if self._step > 2 else 10.0 * self._patience
-                if not patience or time.monotonic() - self._since < patience:
-                    return
-                for d in waiting:
-                    self.get_logger().warning(f'{self._neighbors[d]} is silent')
-                self._silent.update(waiting)
-                self.count('times a neighbour fell silent')
+        if waiting := self._awaited():
+            self._look_timer.reset()
+            # Until step 2 neighbours may still be looking for each other.
+            patience = self._patience if self._step > 2 else 10.0 * self._patience
+            if not patience or time.monotonic() - self._since < patience:
+                return
+            for d in waiting:
+                self.get_logger().warning(f'{self._neighbors[d]} is silent')
+            self._silent.update(waiting)
+            self.count('times a neighbour fell silent')
         self._look_timer.cancel()
-        self._collect(before)
+        self._collect()
         self._publish_step()
 
-    def _collect(self, before: int) -> None:
-        """Move the neighbours' messages of step `before` into the inbox."""
+    def _collect(self) -> None:
+        """Move the neighbours' messages of the step before into the inbox."""
         for d, box in self._received.items():
-            message = box.get(before)
+            message = box.pop((self._episode, self._step - 1), None)
             if message is None:
                 self._inbox[d] = 0.0
             else:
                 self._inbox[d] = message[OPPOSITE[d] if self._architecture.directional else 0]
-            for old in [k for k in box if k <= before]:
-                del box[old]
 
     def _publish_step(self) -> None:
         stamp = stamp_of_step(self._step)
@@ -227,8 +241,11 @@ class VoxelNode(RosNode):
         else:
             a = self._cells.step_cell(0, self._readings, heard, self._step)
         self._readings = None
-        self._messages_out.publish(self._messages.encode(stamp, self._cells.outbox[0]))
-        self._actuation_out.publish(self._actuation_wire.encode(stamp, position=np.array([a])))
+        episode = np.frombuffer(self._episode, np.uint8)
+        self._messages_out.publish(self._messages.encode(episode, stamp, self._cells.outbox[0]))
+        self._actuation_out.publish(
+            self._actuation_wire.encode(stamp, position=np.array([a]), episode=episode)
+        )
         self.count('steps')
 
     def close(self) -> None:

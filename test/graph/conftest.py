@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import time
+from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,10 +19,22 @@ os.environ.update(graph_environment())  # loopback alone
 
 rclpy = pytest.importorskip('rclpy')
 
+from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
+from nav_msgs.msg import Odometry  # noqa: E402
+from std_srvs.srv import SetBool  # noqa: E402
+
+from sim_node.interface import stream_qos  # noqa: E402
 from sim_node.morphology import parse_morphology  # noqa: E402
+from sim_node.simulation import Simulation  # noqa: E402
+from sim_node.stamps import step_of_stamp  # noqa: E402
 from snca_ros.cell.nca import Architecture  # noqa: E402
-from snca_ros.controller_file import TrainedController, save_controller  # noqa: E402
-from snca_ros.nodes.bringup import Graph  # noqa: E402
+from snca_ros.controller_file import (  # noqa: E402
+    TrainedController,
+    load_controller,
+    save_controller,
+)
+from snca_ros.evolution.locomotion import run_episode  # noqa: E402
+from snca_ros.nodes.bringup import Graph, WalkOptions, describe_graph  # noqa: E402
 from snca_ros.nodes.lifeline import PARENT  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -111,6 +124,76 @@ def start_node(start, tmp_path):
         )
 
     return run
+
+
+@pytest.fixture
+def walk(start_node, make_controller):
+    """Return a function that starts a robot of three voxels; (graph, children by name)."""
+
+    def run(duration=0.0, leave_out=(), patience=None, **simulation):
+        # Paused until the test listens: the graph is faster than a test that looks at it.
+        simulation = {'start_paused': True, **simulation}
+        path = make_controller('11-10')
+        options = WalkOptions(robot='robot', duration=duration, simulation=simulation)
+        graph = describe_graph(path, load_controller(path), options)
+        children = {'sim_node': start_node(graph, graph.simulation)}
+        for process in graph.voxels:
+            if patience is not None:
+                process.parameters[process.names[0]]['patience'] = patience
+            if process.names[0] not in leave_out:
+                children[process.names[0]] = start_node(graph, process)
+        return graph, children, path
+
+    return run
+
+
+@pytest.fixture
+def centers(node):
+    """Collect the robot's centre by control step, from odometry; a reset starts a new dict."""
+    episodes = [{}]
+
+    def note(message):
+        step = step_of_stamp(message.header.stamp.sec, message.header.stamp.nanosec)
+        if step == 0 and episodes[-1]:
+            episodes.append({})
+        position = message.pose.pose.position
+        episodes[-1][step] = (position.x, position.z)
+
+    node.create_subscription(Odometry, '/robot/odometry', note, stream_qos(1000))
+    return episodes
+
+
+@pytest.fixture
+def health(node):
+    """Collect what each node last said of itself: (level, text, values by key) by short name."""
+    found = defaultdict(lambda: (b'', '', {}))
+
+    def note(message):
+        for status in message.status:
+            values = {v.key: float(v.value) for v in status.values}
+            found[status.name.rpartition('/')[2]] = status.level, status.message, values
+
+    node.create_subscription(DiagnosticArray, '/diagnostics', note, 100)
+    return found
+
+
+def offline(path, seconds):
+    trained = load_controller(path)
+    return run_episode(Simulation('11-10'), trained.controller(), seconds).centers
+
+
+def call(node, spin_until, kind, name, **request):
+    client = node.create_client(kind, f'/robot/{name}')
+    spin_until(client.service_is_ready)
+    future = client.call_async(kind.Request(**request))
+    spin_until(future.done)
+    return future.result()
+
+
+def go(node, spin_until, centers):
+    """Let the simulation run, once the test listens."""
+    spin_until(lambda: 0 in centers[0])
+    assert call(node, spin_until, SetBool, 'pause', data=False).success
 
 
 def children_of(pid: int) -> list[int]:

@@ -3,74 +3,13 @@
 import signal
 
 import numpy as np
-import pytest
+from conftest import call, go, offline
 from diagnostic_msgs.msg import DiagnosticArray
-from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from sim_node.interface import stream_qos
-from sim_node.simulation import Simulation
-from sim_node.stamps import stamp_of_step, step_of_stamp
-from snca_ros.controller_file import load_controller
-from snca_ros.evolution.locomotion import run_episode
-from snca_ros.nodes.bringup import WalkOptions, describe_graph
-
-
-@pytest.fixture
-def walk(start_node, make_controller):
-    """Return a function that starts a robot of three voxels; (graph, children by name)."""
-
-    def run(duration=0.0, leave_out=(), patience=None, **simulation):
-        # Paused until the test listens: the graph is faster than a test that looks at it.
-        simulation = {'start_paused': True, **simulation}
-        path = make_controller('11-10')
-        options = WalkOptions(robot='robot', duration=duration, simulation=simulation)
-        graph = describe_graph(path, load_controller(path), options)
-        children = {'sim_node': start_node(graph, graph.simulation)}
-        for process in graph.voxels:
-            if patience is not None:
-                process.parameters[process.names[0]]['patience'] = patience
-            if process.names[0] not in leave_out:
-                children[process.names[0]] = start_node(graph, process)
-        return graph, children, path
-
-    return run
-
-
-@pytest.fixture
-def centers(node):
-    """Collect the robot's centre by control step, from odometry; a reset starts a new dict."""
-    episodes = [{}]
-
-    def note(message):
-        step = step_of_stamp(message.header.stamp.sec, message.header.stamp.nanosec)
-        if step == 0 and episodes[-1]:
-            episodes.append({})
-        position = message.pose.pose.position
-        episodes[-1][step] = (position.x, position.z)
-
-    node.create_subscription(Odometry, '/robot/odometry', note, stream_qos(1000))
-    return episodes
-
-
-def offline(path, seconds):
-    trained = load_controller(path)
-    return run_episode(Simulation('11-10'), trained.controller(), seconds).centers
-
-
-def call(node, spin_until, kind, name, **request):
-    client = node.create_client(kind, f'/robot/{name}')
-    spin_until(client.service_is_ready)
-    future = client.call_async(kind.Request(**request))
-    spin_until(future.done)
-    return future.result()
-
-
-def go(node, spin_until, centers):
-    """Let the simulation run, once the test listens."""
-    spin_until(lambda: 0 in centers[0])
-    assert call(node, spin_until, SetBool, 'pause', data=False).success
+from sim_node.stamps import stamp_of_step
 
 
 def test_reset_repeats_the_episode(walk, node, spin_until, centers):

@@ -9,6 +9,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.typesys import Stores, get_typestore
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, JointState
+from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from sim_node import interface
@@ -24,6 +25,7 @@ settings.load_profile('steady')
 
 STEPS = st.integers(0, 2**31 * 60 - 1)
 UNIT = st.floats(0.0, 1.0)
+EPISODE = np.frombuffer(b'0123abcd', np.uint8)
 ARCHITECTURES = [
     Architecture.named(name, model, n_c=n_c)
     for name in ('U-nD', 'U-D') for model in ('mlp', 'snn-h') for n_c in (1, 4, 7)
@@ -38,28 +40,28 @@ def strict(data, name):
 @given(STEPS, st.lists(UNIT, min_size=4, max_size=4))
 def test_sensors_are_what_rclpy_reads(step, values):
     data = interface.sensors_format('voxel_3_1').encode(
-        stamp_of_step(step), position=np.array(values)
+        stamp_of_step(step), position=np.array(values), episode=EPISODE
     )
     message = deserialize_message(data, JointState)
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == stamp_of_step(step)
-    assert message.header.frame_id == 'voxel_3_1'
+    assert message.header.frame_id == 'voxel_3_1@0123abcd'
     assert tuple(message.name) == SENSORS
     assert message.position.tolist() == values
     assert strict(data, 'sensor_msgs/msg/JointState').position.tolist() == values
     read = interface.read_joint_state(interface.sensors_format('voxel_3_1'), data, 0.0, 1.0)
-    assert read[0] == step
-    assert read[1].tolist() == values
+    assert read[:2] == (b'0123abcd', step)
+    assert read[2].tolist() == values
 
 
 @given(STEPS, st.floats(-1.0, 1.0))
 def test_actuation_of_other_writers_is_read(step, a):
     message = JointState(name=['voxel_0_2'], position=[a])
-    message.header.frame_id = 'voxel_0_2'
+    message.header.frame_id = 'voxel_0_2@0123abcd'
     message.header.stamp.sec, message.header.stamp.nanosec = stamp_of_step(step)
     wire = interface.actuation_format('voxel_0_2')
-    ours = wire.encode(stamp_of_step(step), position=np.array([a]))
+    ours = wire.encode(stamp_of_step(step), position=np.array([a]), episode=EPISODE)
     for data in (ours, ours):  # the second time by the short way
-        assert interface.read_joint_state(wire, data, -1.0, 1.0)[1].tolist() == [a]
+        assert interface.read_joint_state(wire, data, -1.0, 1.0)[2].tolist() == [a]
     assert deserialize_message(ours, JointState) == message
 
 
@@ -73,14 +75,14 @@ def test_cell_messages_round_trip(architecture):
         sent = rng.uniform(-1.0, 1.0, shape)
         if architecture.spiking:
             sent = (sent > 0.0).astype(float)
-        data = sender.encode(stamp_of_step(step), sent)
+        data = sender.encode(EPISODE, stamp_of_step(step), sent)
         image = deserialize_message(data, Image)
         assert image.encoding == ('mono8' if architecture.spiking else '64FC1')
         assert (image.height, image.width) == (shape[0] * shape[1], shape[2])
         assert len(image.data) == image.height * image.step
-        assert strict(data, 'sensor_msgs/msg/Image').header.frame_id == 'voxel_1_1'
-        got_step, got = receiver.decode(data)
-        assert got_step == step
+        assert strict(data, 'sensor_msgs/msg/Image').header.frame_id == 'voxel_1_1@0123abcd'
+        *when, got = receiver.decode(data)
+        assert when == [b'0123abcd', step]
         np.testing.assert_array_equal(got, sent)
 
 
@@ -95,7 +97,7 @@ def test_damaged_messages_are_refused_or_harmless(kind, data):
         architecture = Architecture.named('U-nD', 'snn' if kind == 'spikes' else 'mlp')
         wire = CellMessages(architecture, 'voxel_0_0')
         good = wire.encode(
-            (0, 0), np.zeros((1, architecture.n_c, architecture.message_width))
+            EPISODE, (0, 0), np.zeros((1, architecture.n_c, architecture.message_width))
         )
     how = data.draw(st.sampled_from(['cut', 'flip', 'random', 'longer']))
     if how == 'cut':
@@ -109,9 +111,9 @@ def test_damaged_messages_are_refused_or_harmless(kind, data):
         bad = data.draw(st.binary(max_size=200))
     try:
         if kind == 'joint':
-            step, numbers = interface.read_joint_state(wire, bad, -1.0, 1.0)
+            _, step, numbers = interface.read_joint_state(wire, bad, -1.0, 1.0)
         else:
-            step, numbers = wire.decode(bad)
+            _, step, numbers = wire.decode(bad)
     except InvalidInput:
         return
     assert step >= 0
@@ -134,9 +136,13 @@ def test_stamps_out_of_step_and_bad_numbers_are_named():
         ({'name': ['a', 'b', 'c', 'd']}, 'name'),
         ({'position': [0.5] * 3}, 'position'),
         ({'velocity': [0.5] * 4}, 'velocity'),
+        ({'header': Header(frame_id='voxel_0_0')}, 'frame_id'),
+        ({'header': Header(frame_id='voxel_0_1@0123abcd')}, 'frame_id'),
     ):
-        message = JointState(**{'name': list(SENSORS), 'position': [0.5] * 4, **changed})
-        message.header.frame_id = 'voxel_0_0'
+        ours = Header(frame_id='voxel_0_0@0123abcd')
+        message = JointState(
+            **{'header': ours, 'name': list(SENSORS), 'position': [0.5] * 4, **changed}
+        )
         with pytest.raises(InvalidInput, match=expected):
             interface.read_joint_state(wire, serialize_message(message), 0.0, 1.0)
 
