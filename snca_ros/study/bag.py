@@ -1,6 +1,7 @@
 """What a recorded walk was, as arrays over control steps: `read_bag` gives a `Recording`."""
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 
 from sim_node.errors import InvalidInput
 from sim_node.sensors import N_SENSORS
+from snca_ros.study.health import NodeHealth, read_health
 from snca_ros.study.storage import Topic, read_storage
 from snca_ros.study.streams import KINDS, Stream, decode
 
@@ -64,7 +66,9 @@ class Recording:
         heard: (n_steps, n_voxels) whether the spikes or values are in the bag; spikes that are
             not are 0.
         rate: control steps per second of wall time; NaN if the bag does not tell.
-        counts: one per topic, sorted by name.
+        counts: one per topic, sorted by name; a topic that should be there and is not has lost
+            everything.
+        health: what each node said of itself, by its name; of all episodes.
     """
 
     path: Path
@@ -81,6 +85,7 @@ class Recording:
     heard: np.ndarray
     rate: float
     counts: tuple[TopicCount, ...]
+    health: dict[str, NodeHealth]
 
     @property
     def n_steps(self) -> int:
@@ -106,13 +111,16 @@ def read_bag(path: Path | str, episode: int = -1) -> Recording:
         kinds = _stamped_kinds(topics, robot)
         streams = {name: decode(name, topics[name], kind) for name, kind in kinds.items()}
         episode, n_episodes, streams = _one_episode(streams, f'/{robot}/odometry', episode)
+        health = read_health(topics, robot)
+        for name in _absent_topics(robot, streams, health):
+            streams[name] = Stream.empty(KINDS[name.rpartition('/')[2]])
         arrays = _arrays(robot, streams)
     except InvalidInput as error:
         raise error.found_in(str(path)) from None
     return Recording(
         path=path, closed=closed, robot=robot, episode=episode, n_episodes=n_episodes,
         rate=_rate(streams[f'/{robot}/odometry']),
-        counts=_counts(topics, streams, len(arrays['centers'])), **arrays,
+        counts=_counts(topics, streams, len(arrays['centers'])), health=health, **arrays,
     )
 
 
@@ -153,6 +161,19 @@ def _one_episode(
         raise InvalidInput('episode', episode, f'a number from 0 to {n_episodes - 1}')
     number, resets = episode % n_episodes, reference.times[starts[1:] - 1]
     return number, n_episodes, {k: s.episode(number, resets) for k, s in streams.items()}
+
+
+def _absent_topics(
+    robot: str, streams: dict[str, Stream], health: dict[str, NodeHealth]
+) -> set[str]:
+    """Return the stamped topics that such a robot has and that are not in the bag."""
+    spoken = {f'/{robot}/{node}/sensors' for node in health}
+    voxels = _voxel_names({*streams, *spoken})
+    kinds = {name.rpartition('/')[2] for name in streams} & {'spikes', 'values'}
+    expected = {
+        f'/{robot}/{voxel}/{kind}' for voxel in voxels for kind in ('sensors', 'actuation', *kinds)
+    }
+    return {'/clock', *expected} - set(streams)
 
 
 def _arrays(robot: str, streams: dict[str, Stream]) -> dict[str, Any]:
@@ -203,7 +224,7 @@ def _n_steps(streams: dict[str, Stream]) -> int:
     return last + 1
 
 
-def _voxel_names(streams: dict[str, Stream]) -> tuple[str, ...]:
+def _voxel_names(streams: Iterable[str]) -> tuple[str, ...]:
     """Return the voxels' names, row by row from the bottom."""
     names = {match[1] for name in streams if (match := _VOXEL_TOPIC.search(name))}
     return tuple(sorted(names, key=lambda name: [int(n) for n in name.split('_')[:0:-1]]))
@@ -219,11 +240,11 @@ def _counts(
 ) -> tuple[TopicCount, ...]:
     """Count messages; what a topic may not have sent any more at the last step is not lost."""
     counts = []
-    for name, topic in sorted(topics.items()):
+    for name in sorted({*topics, *streams}):
         if name in streams:
             steps = streams[name].steps
             missing = np.setdiff1d(np.arange(n_steps - 1), steps)
             counts.append(TopicCount(name, len(steps), missing))
         else:
-            counts.append(TopicCount(name, len(topic.messages)))
+            counts.append(TopicCount(name, len(topics[name].messages)))
     return tuple(counts)

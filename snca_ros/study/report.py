@@ -13,6 +13,7 @@ from snca_ros.evolution.locomotion import TRANSIENT
 from snca_ros.files import write_text
 from snca_ros.study.bag import Recording, TopicCount, read_bag
 from snca_ros.study.gait import Gait, measure_gait
+from snca_ros.study.health import OUTCOMES
 
 _SHOWN_STEPS = 5
 
@@ -33,7 +34,8 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
     recording = read_bag(args.bag, args.episode)
     gait = measure_gait(recording)
-    print('\n'.join([*_gait_lines(recording, gait), '', *_count_lines(recording)]), flush=True)
+    lines = [*_gait_lines(recording, gait), '', *_count_lines(recording), *_link_lines(recording)]
+    print('\n'.join(lines), flush=True)
     if args.json:
         try:
             write_text(args.json, json.dumps(as_dict(recording, gait), indent=2) + '\n')
@@ -75,6 +77,17 @@ def as_dict(recording: Recording, gait: Gait) -> dict[str, object]:
             }
             for count in recording.counts
         },
+        'nodes': {
+            node: {
+                'lives': health.lives,
+                'figures': dict(health.figures),
+                'links': {
+                    topic: dict(zip(OUTCOMES, counts, strict=True))
+                    for topic, counts in health.links.items()
+                },
+            }
+            for node, health in recording.health.items()
+        },
     }
 
 
@@ -102,11 +115,44 @@ def _gait_lines(recording: Recording, gait: Gait) -> list[str]:
         lines.append(
             f'speed      {recording.rate:.1f} steps/s, {factor:.2f} times real time'
         )
+    lines += _step_time_lines(recording)
     lines += ['', f'{"voxel":16}{"firing rate [Hz]":>18}{"actuation peak [Hz]":>21}']
     rates = gait.firing_rates
     for i, voxel in enumerate(recording.voxel_names):
         rate = '-' if rates is None or np.isnan(rates[i]) else f'{rates[i]:.1f}'
         lines.append(f'{voxel:16}{rate:>18}{gait.frequencies[i]:>21.2f}')
+    return lines
+
+
+def _step_time_lines(recording: Recording) -> list[str]:
+    if 'sim_node' not in recording.health:
+        return []
+    figures = recording.health['sim_node'].figures
+    times = [f'{figures.get(f"step time {name} [ms]", math.nan):.2f} ms {name}'
+             for name in ('p50', 'p99', 'max')]
+    line = f'step time  {", ".join(times)}'
+    if 'missed deadlines' in figures:
+        line += f'; {figures["missed deadlines"]:.0f} missed deadlines'
+    return [line]
+
+
+def _link_lines(recording: Recording) -> list[str]:
+    """Return what the nodes say came over their links, per kind of topic, and what did not."""
+    links = [
+        (topic, node, counts) for node, health in sorted(recording.health.items())
+        for topic, counts in health.links.items()
+    ]
+    if not links:
+        return []
+    lines = ['', f'{"links":16}' + ''.join(f'{outcome:>10}' for outcome in OUTCOMES)]
+    for kind in sorted({topic.rpartition('/')[2] for topic, *_ in links}):
+        mine = [counts for topic, _, counts in links if topic.endswith(f'/{kind}')]
+        lines.append(f'{kind:16}' + ''.join(f'{sum(c):>10}' for c in zip(*mine, strict=True)))
+    for topic, node, (_, late, lost) in links:
+        if late or lost:
+            lines.append(f'{topic} at {node}: {late} late, {lost} lost')
+    lives = {node: h.lives for node, h in sorted(recording.health.items()) if h.lives > 1}
+    lines += [f'{node} was started {n} times' for node, n in lives.items()]
     return lines
 
 

@@ -1,6 +1,8 @@
 """A rosbag2 folder as lists of serialised messages, whole or left behind by a killed recorder."""
 
+import contextlib
 import io
+import sqlite3
 import struct
 from dataclasses import dataclass
 from pathlib import Path
@@ -73,6 +75,11 @@ def _orphans(path: Path) -> list[Any]:
     files = sorted(p for p in path.iterdir() if p.suffix in ('.mcap', '.db3'))
     if not files:
         raise InvalidInput('bag', 'a folder without these', _EXPECTED)
+    for file in files:
+        if file.with_name(f'{file.name}-journal').exists():
+            # Opening it lets SQLite take back what was not committed.
+            with contextlib.closing(sqlite3.connect(file)) as database:
+                database.execute('SELECT count(*) FROM messages').fetchone()
     return [_MendedMcap(p) if p.suffix == '.mcap' else p for p in files]
 
 

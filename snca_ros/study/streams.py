@@ -29,6 +29,12 @@ class Stream:
     times: np.ndarray
     numbers: np.ndarray
 
+    @classmethod
+    def empty(cls, kind: 'Kind') -> 'Stream':
+        """Return the stream of a topic of which nothing came."""
+        none = np.zeros(0, dtype=np.int64)
+        return cls(none, none, np.zeros((0, *np.maximum(kind.shape, 0))))
+
     def starts(self) -> np.ndarray:
         """Return the index of the first message, and of those after the stamps went back."""
         return np.flatnonzero(np.diff(self.steps, prepend=np.iinfo(np.int64).max) < 0)

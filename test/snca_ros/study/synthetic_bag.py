@@ -89,6 +89,14 @@ def clock(step: int):
     )
 
 
+def diagnostics(node: str, figures: Mapping[str, object]):
+    pairs = [
+        TYPES['diagnostic_msgs/msg/KeyValue'](key, str(value)) for key, value in figures.items()
+    ]
+    status = TYPES['diagnostic_msgs/msg/DiagnosticStatus'](0, node, 'fine', '', pairs)
+    return TYPES['diagnostic_msgs/msg/DiagnosticArray'](_header(0, ''), [status])
+
+
 def messages_of_step(walk: Walk, step: int, robot: str = 'biped') -> list[Message]:
     """Return what the graph sends in control step `step`."""
     out = [('/clock', clock(step)), (f'/{robot}/odometry', odometry(step, walk.centers[step]))]

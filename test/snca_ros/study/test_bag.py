@@ -1,12 +1,14 @@
 """Bags come back as the numbers that were recorded, or are refused in one line."""
 
 import contextlib
+import itertools
 import shutil
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+import synthetic_bag
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_bag import (
@@ -14,6 +16,7 @@ from synthetic_bag import (
     TYPES,
     Walk,
     clock,
+    diagnostics,
     image,
     joint_state,
     make_walk,
@@ -134,6 +137,48 @@ def test_a_topic_of_which_nothing_came_has_lost_everything(tmp_path, storage):
     assert bag.spikes.shape == (N_STEPS + 1, 2, 4, 16)
 
 
+@pytest.mark.parametrize('topic', ['/clock', '/biped/voxel_1_0/spikes', '/biped/voxel_1_0/sensors'])
+def test_a_topic_that_is_not_even_in_the_bag_has_lost_everything(tmp_path, topic):
+    messages = without(
+        messages_of_walk(make_walk(N_STEPS)), {(topic, k) for k in range(N_STEPS + 1)}
+    )
+    bag = read_bag(write_messages(tmp_path / 'bag', messages))
+    assert count_of(bag, topic).lost == N_STEPS
+    assert sum(c.lost for c in bag.counts) == N_STEPS
+
+
+def test_a_voxel_of_which_only_diagnostics_are_left_has_lost_everything(tmp_path):
+    messages = messages_of_walk(make_walk(N_STEPS))
+    messages[3].append(('/diagnostics', diagnostics('/biped/voxel_1_1', {'steps': 3})))
+    messages[4].append(('/diagnostics', diagnostics('/other/voxel_5_5', {'steps': 3})))
+    bag = read_bag(write_messages(tmp_path / 'bag', messages))
+    assert bag.voxel_names == ('voxel_0_0', 'voxel_1_0', 'voxel_1_1')
+    assert count_of(bag, '/biped/voxel_1_1/spikes').lost == N_STEPS
+    assert sum(c.lost for c in bag.counts) == 3 * N_STEPS
+
+
+def test_figures_of_all_lives_of_a_node(tmp_path):
+    messages = messages_of_walk(make_walk(N_STEPS))
+    lives = [(5, 4, 1), (9, 7, 2), (3, 3, 0), (6, 5, 1)]  # steps; of them on time, and lost
+    for k, (steps, on_time, lost) in enumerate(lives):
+        figures = {
+            'steps': steps, 'steps per second': 60.0, 'x/spikes on time': on_time,
+            'x/spikes late': 0, 'x/spikes lost': lost, 'remark': 'none',
+        }
+        messages[k].append(('/diagnostics', diagnostics('/biped/voxel_0_0', figures)))
+    health = read_bag(write_messages(tmp_path / 'bag', messages)).health['voxel_0_0']
+    assert health.lives == 2
+    assert health.links == {'x/spikes': (12, 0, 3)}
+    assert health.figures['steps'] == 15
+    assert health.figures['steps per second'] == 60.0
+
+
+def test_broken_diagnostics_are_refused(tmp_path):
+    messages = messages_of_walk(make_walk(3))
+    messages[0].append(('/diagnostics', clock(3)))
+    assert '/diagnostics' in refused(write_messages(tmp_path / 'bag', messages))
+
+
 def test_a_message_recorded_twice_counts_once(tmp_path):
     messages = messages_of_walk(make_walk(N_STEPS))
     messages[4] = messages[4] + messages[4]
@@ -174,6 +219,31 @@ def test_what_a_killed_recorder_left_is_read(tmp_path):
     bag = read_bag(path)
     assert not bag.closed
     np.testing.assert_array_equal(bag.centers, walk.centers[:7])
+
+
+def test_what_a_killed_recorder_had_not_committed_is_taken_back(tmp_path, monkeypatch):
+    walk = make_walk(40)
+    steps = iter(messages_of_walk(walk))
+    writers = []
+
+    def first_then_copy():
+        yield from itertools.islice(steps, 5)
+        storage = writers[0].storage
+        storage.conn.commit()
+        storage.conn.execute('PRAGMA cache_size = 1')  # the rest is in the file, too
+        yield from steps
+        shutil.copytree(tmp_path / 'bag', tmp_path / 'killed')
+
+    def open_and_keep(self, opened=synthetic_bag.Writer.open):
+        writers.append(self)
+        opened(self)
+
+    monkeypatch.setattr(synthetic_bag.Writer, 'open', open_and_keep)
+    write_messages(tmp_path / 'bag', first_then_copy(), 'sqlite3')
+    assert (tmp_path / 'killed' / 'bag.db3-journal').exists()
+    bag = read_bag(tmp_path / 'killed')
+    assert (bag.closed, bag.n_steps) == (False, 5)
+    np.testing.assert_array_equal(bag.centers, walk.centers[:5])
 
 
 @pytest.mark.parametrize('storage', STORAGES)
@@ -298,8 +368,6 @@ def test_channels_differ_between_voxels(tmp_path):
 
 
 def test_bytes_of_another_layout_are_refused(tmp_path, monkeypatch):
-    import synthetic_bag
-
     monkeypatch.setattr(
         synthetic_bag.STORE, 'serialize_cdr', lambda message, kind: b'\x00\x01\x00\x00\x05'
     )

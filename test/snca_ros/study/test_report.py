@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from PIL import Image
-from synthetic_bag import Walk, make_walk, messages_of_walk, write_messages
+from synthetic_bag import Walk, diagnostics, make_walk, messages_of_walk, write_messages
 
 from snca_ros.cli import BAD_INPUT, main
 from snca_ros.study.bag import read_bag
@@ -39,6 +39,34 @@ def test_what_it_prints(bag, capsys):
     assert '/biped/markers 16' in out
     with Image.open(bag / 'report.png') as picture:
         assert min(picture.size) > 400
+
+
+def test_links_and_step_times(tmp_path, capsys):
+    messages = messages_of_walk(make_walk(N_STEPS))
+    of_simulation = {
+        'step time p50 [ms]': 16.67, 'step time p99 [ms]': 18.0, 'step time max [ms]': 40.5,
+        'missed deadlines': 2, 'voxel_0_0/actuation on time': 20,
+        'voxel_0_0/actuation late': 3, 'voxel_0_0/actuation lost': 7,
+    }
+    messages[-1] += [
+        ('/diagnostics', diagnostics('/biped/sim_node', {'steps': 30, **of_simulation})),
+        ('/diagnostics', diagnostics('/biped/voxel_0_0', {
+            'voxel_1_0/spikes on time': 29, 'voxel_1_0/spikes late': 0, 'voxel_1_0/spikes lost': 0,
+        })),
+    ]
+    bag = write_messages(tmp_path / 'bag', messages)
+    assert main(['report', str(bag), '--json', str(tmp_path / 'r.json')]) == 0
+    out = capsys.readouterr().out
+    assert 'step time  16.67 ms p50, 18.00 ms p99, 40.50 ms max; 2 missed deadlines' in out
+    words = [line.split() for line in out.splitlines()]
+    assert ['links', 'on', 'time', 'late', 'lost'] in words
+    assert ['actuation', '20', '3', '7'] in words
+    assert ['spikes', '29', '0', '0'] in words
+    assert 'voxel_0_0/actuation at sim_node: 3 late, 7 lost' in out
+    assert 'voxel_1_0/spikes at' not in out
+    told = json.loads((tmp_path / 'r.json').read_text())['nodes']['sim_node']
+    assert told['links'] == {'voxel_0_0/actuation': {'on time': 20, 'late': 3, 'lost': 7}}
+    assert told['figures']['missed deadlines'] == 2
 
 
 def test_json_and_figure_where_one_wants_them(bag, tmp_path):
