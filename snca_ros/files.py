@@ -1,8 +1,9 @@
-"""Files: written so that a reader never sees half of one, folders held, YAML read."""
+"""Files: written so that no reader sees half of one, folders held, YAML read, room for bags."""
 
 import contextlib
 import fcntl
 import os
+import resource
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +15,9 @@ from sim_node.errors import InvalidInput
 
 LOCK = '.lock'
 """A file in a folder that one process at a time works on."""
+
+RESERVE = 16_000_000
+"""Bytes that must stay free where a bag grows: more than it grows by in a second, and its end."""
 
 
 def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
@@ -74,3 +78,32 @@ def read_yaml(path: Path, expected: str) -> Any:
     except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
         reason = ' '.join(str(error).split())
         raise InvalidInput('file', reason, expected, str(path)) from None
+
+
+def check_new_bag(folder: Path) -> None:
+    """Check that a bag can be made and has room to grow.
+
+    Raises:
+        InvalidInput: the folder exists or cannot be made, or less than `RESERVE` is free.
+    """
+    if folder.exists():
+        raise InvalidInput('bag', str(folder), 'a folder that does not exist yet')
+    parent = next(parent for parent in folder.absolute().parents if parent.exists())
+    try:
+        tempfile.TemporaryDirectory(dir=parent, prefix='.snca_ros_').cleanup()
+    except OSError as error:
+        expected = f'a folder that can be written ({error.strerror})'
+        raise InvalidInput('bag', str(folder), expected) from None
+    if (room := room_for(parent)) < RESERVE:
+        expected = f'at least {RESERVE / 1e6:.0f} MB'
+        raise InvalidInput('bag', f'room for {room / 1e6:.1f} MB', expected, str(folder))
+
+
+def room_for(path: Path) -> int:
+    """Return by how many bytes a file may grow, or a file made in a folder."""
+    disk = os.statvfs(path)
+    limit, _ = resource.getrlimit(resource.RLIMIT_FSIZE)
+    free = disk.f_bavail * disk.f_frsize
+    if limit == resource.RLIM_INFINITY:
+        return free
+    return min(free, limit - (path.stat().st_size if path.is_file() else 0))

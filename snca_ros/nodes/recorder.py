@@ -1,7 +1,13 @@
-"""(ROS) The recorder node: writes every message of the robot's graph into a rosbag2 bag."""
+"""(ROS) The recorder node: writes every message of the robot's graph into a rosbag2 bag.
 
+What it was told is in the file half a second later, whatever becomes of it then. Before a disk is
+full it ends, with its bag closed.
+"""
+
+import contextlib
 import importlib
 import time
+from collections.abc import Iterator
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -18,11 +24,12 @@ from rosbags.interfaces import (
     QosReliability,
     QosTime,
 )
-from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
+from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from sim_node.errors import InvalidInput
 from sim_node.ros import RosNode, run_nodes
+from snca_ros.files import RESERVE, check_new_bag, room_for
 
 STORAGES = {'mcap': StoragePlugin.MCAP, 'sqlite3': StoragePlugin.SQLITE3}
 GLOBAL_TOPICS = ('/clock', '/diagnostics', '/rosout')
@@ -31,6 +38,7 @@ _QUEUE = 20_000  # messages of one topic that may wait while the disk is slow
 _LOOK_PERIOD = 0.1  # seconds between looks for new topics, while a graph comes up
 _LOOK_SELDOM = 1.0  # and once nothing new has come for a while
 _SETTLED = 10.0
+_FLUSH_PERIOD = 0.5  # seconds
 _QUIET = 0.3  # seconds without a message after which a stopped graph counts as drained
 _FAILED = 1
 
@@ -46,24 +54,19 @@ class RecorderNode(RosNode):
         storage = p('storage', 'mcap', 'storage of the bag: mcap | sqlite3')
         self.check_unknown_parameters()
         if storage not in STORAGES:
-            raise InvalidInput('storage', storage, ' or '.join(STORAGES), self._where())
+            raise InvalidInput('storage', storage, ' or '.join(STORAGES), self.where())
         self._types = get_typestore(Stores.ROS2_JAZZY)
         self._topics: set[str] = set()
         self._last_message = 0.0
         self._writer = self._open(Path(path), STORAGES[storage])
         self._newest_topic = time.monotonic()
         self._look_timer = self.create_timer(_LOOK_PERIOD, self._look_for_topics)
+        self.create_timer(_FLUSH_PERIOD, self._flush)
 
     def _open(self, path: Path, storage: StoragePlugin) -> Writer:
-        try:
-            writer = Writer(path, version=Writer.VERSION_LATEST, storage_plugin=storage)
-            writer.open()
-        except WriterError:
-            raise InvalidInput('bag', str(path), 'a folder that does not exist yet') from None
-        except OSError as error:
-            raise InvalidInput(
-                'bag', f'{path}: {error.strerror}', 'a folder that can be written'
-            ) from None
+        check_new_bag(path)
+        writer = Writer(path, version=Writer.VERSION_LATEST, storage_plugin=storage)
+        writer.open()
         self.get_logger().info(f'recording into {path}')
         return writer
 
@@ -109,15 +112,28 @@ class RecorderNode(RosNode):
 
     def _write(self, connection: Connection, data: bytes) -> None:
         self._last_message = time.monotonic()
+        if self.exit_code is None:
+            with self._ending_on_error('written'):
+                self._writer.write(connection, time.time_ns(), data)
+                self.count('messages')
+
+    def _flush(self) -> None:
+        """Hand what was written to the system; end while there is room to end."""
         if self.exit_code is not None:
             return
+        with self._ending_on_error('written'):
+            flush(self._writer)
+            room = room_for(self._writer.storage.path)
+            if room < RESERVE:
+                raise OSError(f'only {room / 1e6:.1f} MB left on the disk or of the size limit')
+
+    @contextlib.contextmanager
+    def _ending_on_error(self, what: str) -> Iterator[None]:
         try:
-            self._writer.write(connection, time.time_ns(), data)
-        except Exception as error:
-            self.get_logger().error(f'{self._writer.path}: cannot be written: {error}')
+            yield
+        except Exception as error:  # whatever a storage raises
+            self.get_logger().error(f'{self._writer.path}: cannot be {what}: {error}')
             self.exit_code = _FAILED
-            return
-        self.count('messages')
 
     def draining(self) -> bool:
         """Tell whether messages still arrive, so that none is left behind in the queues."""
@@ -125,18 +141,24 @@ class RecorderNode(RosNode):
 
     def close(self) -> None:
         """Finish the bag."""
-        try:
+        with self._ending_on_error('finished'):
             self._writer.close()
-        except Exception as error:
-            self.get_logger().error(f'{self._writer.path}: cannot be finished: {error}')
-            self.exit_code = _FAILED
-            return
-        written = self.counters.get('messages', 0)
-        self.get_logger().info(f'{self._writer.path}: {written} messages')
+            written = self.counters.get('messages', 0)
+            self.get_logger().info(f'{self._writer.path}: {written} messages')
 
     def health(self) -> tuple[bytes, str]:
         """Return the state for /diagnostics."""
         return DiagnosticStatus.OK, f'recording {len(self._topics)} topics'
+
+
+def flush(writer: Writer) -> None:
+    """Hand what an open bag was told to the operating system, in the form that readers know."""
+    storage = writer.storage
+    if writer.storage_plugin is StoragePlugin.SQLITE3:
+        storage.conn.commit()
+    elif storage.chunk.bio.tell():
+        storage.close_chunk()
+        storage.bio.flush()
 
 
 def _message_class(name: str) -> type:

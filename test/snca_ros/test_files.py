@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 import snca_ros.files
-from snca_ros.files import write_atomically, write_text
+from sim_node.errors import InvalidInput
+from snca_ros.files import check_new_bag, write_atomically, write_text
 
 ROOT = Path(snca_ros.__file__).parents[1]
 LIMIT = 120.0  # s; only a hang reaches it
@@ -133,3 +134,20 @@ def test_signal_while_writing_leaves_the_old_file(tmp_path, end):
         assert left == []
     # Nobody can clean up after SIGKILL; what it leaves is hidden and named as temporary.
     assert all(name.startswith('.file.bin.') and name.endswith('.tmp') for name in left)
+
+
+def test_where_a_bag_cannot_be_made(tmp_path, monkeypatch):
+    (tmp_path / 'file').write_bytes(b'')
+    (tmp_path / 'there').mkdir()
+    for name, reason in (
+        ('there', 'does not exist yet'),
+        ('file/bag', 'Not a directory'),
+        ('/proc/nowhere/bag', 'can be written'),
+    ):
+        with pytest.raises(InvalidInput, match=reason):
+            check_new_bag(tmp_path / name)
+    check_new_bag(tmp_path / 'new' / 'bag')
+    monkeypatch.setattr(snca_ros.files, 'RESERVE', 10**18)
+    with pytest.raises(InvalidInput, match='room for'):
+        check_new_bag(tmp_path / 'bag')
+    assert names(tmp_path) == ['file', 'there']
