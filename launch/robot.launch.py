@@ -29,6 +29,7 @@ ARGUMENTS = {
     'robot': ('', 'namespace; default: the shape'),
     'terrain': ('', 'default: the terrain of the controller file'),
     'duration': ('30.0', 'simulated seconds; 0: until stopped'),
+    'real_time_factor': ('0.0', 'simulated time over wall time; 0: lock-step'),
     'voxels_per_process': ('1', 'voxel nodes per process'),
     'bag': ('', 'bag to write; empty: none'),
     'storage': ('mcap', 'mcap | sqlite3'),
@@ -49,9 +50,14 @@ def _nodes(context):
     value = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     path = find_controller(value['controller'])
     options = WalkOptions(
-        value['robot'], value['terrain'], _number('duration', value['duration'], float),
-        _number('voxels_per_process', value['voxels_per_process'], int),
-        value['bag'], value['storage'], parse_faults(value['faults']),
+        robot=value['robot'],
+        terrain=value['terrain'],
+        duration=_number('duration', value['duration'], float),
+        real_time_factor=_number('real_time_factor', value['real_time_factor'], float),
+        voxels_per_process=_number('voxels_per_process', value['voxels_per_process'], int),
+        bag=value['bag'],
+        storage=value['storage'],
+        faults=parse_faults(value['faults']),
     )
     graph = describe_graph(path, load_controller(path), options)
     params = Path(tempfile.mkdtemp(prefix='snca_ros_')) / 'params.yaml'

@@ -43,3 +43,11 @@ class Link:
     def counts(self) -> dict[str, int]:
         """Return the account by name."""
         return {'on time': self.on_time, 'late': self.late, 'lost': self.lost}
+
+
+def link_figures(links: dict[str, Link]) -> dict[str, int]:
+    """Return what /diagnostics shows of links: `<topic> on time`, `... late` and `... lost`."""
+    return {
+        f'{topic} {outcome}': count
+        for topic, link in links.items() for outcome, count in link.counts().items()
+    }

@@ -52,9 +52,9 @@ class RosNode(Node):
         super().__init__(name, **options)
         self.ended = Future()
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self.create_timer(1.0, self._publish_diagnostics)
+        self.create_timer(1.0, self.publish_diagnostics)
         self.counters: dict[str, int] = {}
-        self._steps_reported = 0
+        self._reported = time.monotonic(), 0  # when, and steps made until then
 
     @property
     def subscriptions(self) -> Iterator[Subscription]:
@@ -126,7 +126,7 @@ class RosNode(Node):
             InvalidParameterValueException,
             ParameterUninitializedException,
         ):
-            raise InvalidInput(name, given, expected, self._where()) from None
+            raise InvalidInput(name, given, expected, self.where()) from None
 
     def check_unknown_parameters(self) -> None:
         """Raise InvalidInput if a value was given for a parameter that does not exist."""
@@ -135,9 +135,10 @@ class RosNode(Node):
             if not ignored and not self.has_parameter(name):
                 known = sorted(set(self._parameters) - set(_ALLOWED_UNDECLARED))
                 expected = f'one of {", ".join(known)}' + near_miss(name, known)
-                raise InvalidInput(f'parameter {name}', override.value, expected, self._where())
+                raise InvalidInput(f'parameter {name}', override.value, expected, self.where())
 
-    def _where(self) -> str:
+    def where(self) -> str:
+        """Return the source of the parameters for error messages: params files and this node."""
         files = [b for a, b in zip(sys.argv, sys.argv[1:], strict=False) if a == '--params-file']
         return ', '.join([*files, self.get_fully_qualified_name()])
 
@@ -157,7 +158,7 @@ class RosNode(Node):
     def wait_for_readers(self, publishers: Sequence[Any]) -> None:
         """Let readers have what was published before the publishers vanish, for a while."""
         deadline = time.monotonic() + _READERS_LIMIT
-        for publisher in publishers:
+        for publisher in (*publishers, self._diagnostics):
             left = deadline - time.monotonic()
             if left > 0.0 and publisher.get_subscription_count():
                 publisher.wait_for_all_acked(Duration(seconds=left))
@@ -169,11 +170,18 @@ class RosNode(Node):
         """Return (DiagnosticStatus level, one line); nodes override it."""
         return DiagnosticStatus.OK, 'running'
 
-    def _publish_diagnostics(self) -> None:
+    def figures(self) -> dict[str, object]:
+        """Return what /diagnostics shows besides the counters; nodes override it."""
+        return {}
+
+    def publish_diagnostics(self) -> None:
+        """Tell the state: once a second, at the end, and whenever something has happened."""
         level, text = self.health()
-        steps, before = self.counters.get('steps', 0), self._steps_reported
-        self._steps_reported = steps
-        values = {**self.counters, 'steps per second': steps - before}
+        now, steps = time.monotonic(), self.counters.get('steps', 0)
+        then, before = self._reported
+        self._reported = now, steps
+        rate = (steps - before) / max(now - then, 1e-3)
+        values = {**self.counters, 'steps per second': round(rate, 1), **self.figures()}
         status = DiagnosticStatus(
             level=level, name=self.get_fully_qualified_name(), message=text,
             values=[KeyValue(key=k, value=str(v)) for k, v in values.items()],
@@ -241,6 +249,7 @@ def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> i
     while any(node.draining() for node in nodes) and time.monotonic() < deadline:
         executor.spin_once(_STOP_LATENCY)
     for node in nodes:
+        node.publish_diagnostics()
         node.close()
     executor.shutdown()
     codes = [node.exit_code or 0 for node in nodes]

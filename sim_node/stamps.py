@@ -5,6 +5,9 @@ from sim_node.errors import InvalidInput
 CONTROL_RATE = 60
 """Control steps per second (paper: f_k = 60 Hz)."""
 
+START_STEPS = 2
+"""Steps that are made in lock-step even in real time: nodes have to start and find each other."""
+
 
 def stamp_of_step(step: int) -> tuple[int, int]:
     """Return (sec, nanosec) of control step `step`, k/60 s rounded down to a nanosecond."""

@@ -68,6 +68,7 @@ class WalkOptions:
     terrain: str = ''
     engine: str = ''
     duration: float = 30.0
+    real_time_factor: float = 0.0
     voxels_per_process: int = 1
     bag: str = ''
     storage: str = 'mcap'
@@ -133,6 +134,7 @@ def _simulation_parameters(
         'terrain': options.terrain or trained.terrain,
         'engine': options.engine or trained.chosen_by,
         'duration': float(options.duration),
+        'real_time_factor': float(options.real_time_factor),
         'recorders': 1 if options.bag else 0,
         **{f'material.{k}': v for k, v in vars(trained.material).items()},
         **{f'solver.{k}': v for k, v in vars(trained.solver).items()},
@@ -150,7 +152,8 @@ def _voxel_parameters(
         for d, j in zip(DIRECTIONS, row, strict=True) if j >= 0
     }
     return {
-        'controller': os.path.abspath(controller), 'patience': options.patience, **neighbors,
+        'controller': os.path.abspath(controller), 'patience': options.patience,
+        'real_time': options.real_time_factor > 0.0, **neighbors,
         **options.faults.of_cells,
     }
 

@@ -110,28 +110,32 @@ class RunningGraph:
     def __init__(self, graph: Graph, environment: dict[str, str]) -> None:
         self.graph = graph
         self._folder = tempfile.TemporaryDirectory(prefix='snca_ros_')
+        self._params = Path(self._folder.name) / 'params.yaml'
         self._environment = {**os.environ, **environment, PARENT: str(os.getpid())}
         self._children: dict[NodeProcess, _Fork | subprocess.Popen] = {}
 
     def __enter__(self) -> 'RunningGraph':
-        params = Path(self._folder.name) / 'params.yaml'
-        params.write_text(self.graph.parameters_yaml())
+        self._params.write_text(self.graph.parameters_yaml())
         if _can_fork():
             importlib.import_module('snca_ros.nodes.voxel')
             gc.collect()
             gc.freeze()  # the collector shall not write into the pages that the voxels share
         try:
             for process in self.graph.processes:
-                self._children[process] = self._start(process, params)
+                self._children[process] = self._start(process)
         except BaseException:
             self.__exit__()
             raise
         return self
 
-    def _start(self, process: NodeProcess, params: Path) -> '_Fork | subprocess.Popen':
+    def start_again(self, process: NodeProcess) -> None:
+        """Start a process that has ended once more."""
+        self._children[process] = self._start(process)
+
+    def _start(self, process: NodeProcess) -> '_Fork | subprocess.Popen':
         arguments = [
             process.executable, *process.names,
-            '--ros-args', '-r', f'__ns:=/{self.graph.robot}', '--params-file', str(params),
+            '--ros-args', '-r', f'__ns:=/{self.graph.robot}', '--params-file', str(self._params),
         ]
         if process in self.graph.voxels and _can_fork():
             return _Fork(arguments, self._environment, process.names[0])

@@ -2,7 +2,8 @@
 
 It knows its place, its parameters and its neighbours' names, and nothing of the robot's shape.
 It steps when it holds `sensors`(k) and its neighbours' messages(k - 1), publishes its own
-message(k), then `actuation`(k). When the simulation starts anew or is reset, so does the voxel.
+message(k), then `actuation`(k); in real time it does not wait for its neighbours, and what has
+not come is silence. When the simulation starts anew or is reset, so does the voxel.
 """
 
 import argparse
@@ -19,10 +20,11 @@ from sensor_msgs.msg import Image, JointState
 from sim_node import interface
 from sim_node.compiled import warm_up
 from sim_node.errors import InvalidInput
+from sim_node.links import Link, link_figures
 from sim_node.morphology import DIRECTIONS, OPPOSITE
 from sim_node.ros import RosNode, run_nodes
 from sim_node.sensors import N_SENSORS
-from sim_node.stamps import stamp_of_step
+from sim_node.stamps import START_STEPS, stamp_of_step
 from snca_ros.cell.cells import Cells
 from snca_ros.controller import weights_of
 from snca_ros.controller_file import load_controller
@@ -31,7 +33,9 @@ from snca_ros.nodes.spikes import CellMessages, topic_name
 
 _JOIN_PAUSE = 0.05  # seconds without news after which a joining voxel has heard the newest
 _JOIN_LIMIT = 0.2  # seconds after the first news; in real time there is no pause
-_LOOK_PERIOD = 0.001  # seconds between looks for a neighbour's message that is late
+_LOOK_PERIOD = 0.001  # seconds between looks for a neighbour's message that is late, at first
+_LOOK_SELDOM = 0.05  # and at last: the neighbour may be dead
+_QUIET = 15  # steps without a message after which diagnostics name a neighbour
 _VOXEL_NAME = re.compile(r'voxel_\d+_\d+')
 
 
@@ -51,24 +55,29 @@ class VoxelNode(RosNode):
             'patience', 0.0, 'wall time to wait for a neighbour before taking it for silent '
             '[s]; 0: for ever', 0.0, 3600.0,
         )
+        self._real_time = p(
+            'real_time', False, 'step when sensors come, whatever neighbours have said by then'
+        )
         faults = {name: p(name, *spec) for name, spec in FAULTS_OF_CELLS.items()}
         self.check_unknown_parameters()
         for field, value in (('voxel', self._voxel), *zip(DIRECTIONS, names, strict=True)):
             if not _VOXEL_NAME.fullmatch(value) and (value or field == 'voxel'):
-                raise InvalidInput(field, value, 'voxel_<x>_<y>', self._where())
+                raise InvalidInput(field, value, 'voxel_<x>_<y>', self.where())
         self._neighbors = {d: n for d, n in enumerate(names) if n}
         self._load(path, faults)
         self._make_topics()
         self._joined = False
         self._join_timer = self.create_timer(_JOIN_PAUSE, self._join)
         # Neighbours' messages nearly always come before the sensors that they are awaited with.
-        self._look_timer = self.create_timer(_LOOK_PERIOD, self._try_step)
+        self._look_timer = self.create_timer(_LOOK_PERIOD, self._look)
         self._look_timer.cancel()
         self._episode = b''
         self._past: deque[bytes] = deque(maxlen=interface.QUEUE)
         self._received: dict[int, dict[tuple[bytes, int], np.ndarray]] = {
             d: {} for d in self._neighbors
         }
+        self._sensors_link = Link()
+        self._links = {d: Link() for d in self._neighbors}
         self._restart(b'')
 
     def _load(self, path: str, faults: dict) -> None:
@@ -81,7 +90,7 @@ class VoxelNode(RosNode):
         try:
             of_cells = CellFaults(Faults(**faults), trained.morphology)
         except InvalidInput as error:
-            raise error.found_in(self._where()) from None
+            raise error.found_in(self.where()) from None
         self._faults = VoxelFaults(of_cells, index)
         self._architecture = trained.architecture
         n_voxels = trained.morphology.n_voxels
@@ -126,6 +135,8 @@ class VoxelNode(RosNode):
         self._step = -1  # k of the newest sensors
         self._since = self._first_heard = time.monotonic()
         self._silent: set[int] = set()
+        for link in (self._sensors_link, *self._links.values()):
+            link.restart()
 
     def _on_sensors(self, data: bytes) -> None:
         try:
@@ -142,8 +153,13 @@ class VoxelNode(RosNode):
         if episode != self._episode:
             self._restart(episode)
         elif step <= self._step:
+            self._sensors_link.note_late(step)
             self.count('repeated sensors')
             return
+        if self._joined and self._step >= 0:
+            for missing in range(self._step + 1, step):
+                self._sensors_link.close_step(missing, False)
+        self._sensors_link.close_step(step, True)
         self._step, self._readings, self._since = step, readings, time.monotonic()
         if not self._joined and self._since - self._first_heard < _JOIN_LIMIT:
             self._join_timer.reset()
@@ -174,16 +190,31 @@ class VoxelNode(RosNode):
             return
         box = self._received[direction]
         box[episode, step] = message
+        if episode == self._episode:
+            self._links[direction].note_late(step)
         while len(box) > interface.QUEUE:
             del box[next(iter(box))]
         self._silent.discard(direction)
 
     def health(self) -> tuple[bytes, str]:
         """Return the state for /diagnostics: the step, and whom it waits for."""
+        quiet = [
+            self._neighbors[d] for d, link in self._links.items()
+            if self._step - link.newest > _QUIET
+        ]
+        if quiet:
+            return DiagnosticStatus.WARN, f'step {self._step}, silent: {", ".join(quiet)}'
         if self._readings is None:
             return DiagnosticStatus.OK, f'step {self._step} answered'
         waiting = ', '.join(self._neighbors[d] for d in self._awaited()) or 'nobody'
         return DiagnosticStatus.OK, f'step {self._step} waits for {waiting}'
+
+    def figures(self) -> dict[str, object]:
+        """Return what came over the links, for /diagnostics."""
+        topic = topic_name(self._architecture)
+        links = {f'{self._voxel}/{interface.SENSORS_TOPIC}': self._sensors_link}
+        links |= {f'{self._neighbors[d]}/{topic}': link for d, link in self._links.items()}
+        return link_figures(links)
 
     def _check_future(self, episode: bytes, step: int) -> None:
         """Refuse a stamp further ahead than a voxel that catches up can see."""
@@ -197,12 +228,20 @@ class VoxelNode(RosNode):
         A neighbour that has already said something later will not say it any more: it was killed
         in the middle of it, and started again.
         """
+        if self._step < 1 or (self._real_time and self._step >= START_STEPS):
+            return []
         now = self._episode, self._step
         before = self._episode, self._step - 1
         return [
             d for d, box in self._received.items()
-            if self._step and before not in box and now not in box and d not in self._silent
+            if before not in box and now not in box and d not in self._silent
         ]
+
+    def _look(self) -> None:
+        """Look for messages that are late, less and less often."""
+        period = 2 * self._look_timer.timer_period_ns
+        self._look_timer.timer_period_ns = min(period, int(_LOOK_SELDOM * 1e9))
+        self._try_step()
 
     def _try_step(self) -> None:
         """Step if sensors(k) and all neighbours' messages(k - 1) are here."""
@@ -211,8 +250,8 @@ class VoxelNode(RosNode):
         self._take_messages()
         if waiting := self._awaited():
             self._look_timer.reset()
-            # Until step 2 neighbours may still be looking for each other.
-            patience = self._patience if self._step > 2 else 10.0 * self._patience
+            # At first neighbours may still be looking for each other.
+            patience = self._patience if self._step > START_STEPS else 10.0 * self._patience
             if not patience or time.monotonic() - self._since < patience:
                 return
             for d in waiting:
@@ -220,6 +259,7 @@ class VoxelNode(RosNode):
             self._silent.update(waiting)
             self.count('times a neighbour fell silent')
         self._look_timer.cancel()
+        self._look_timer.timer_period_ns = int(_LOOK_PERIOD * 1e9)
         self._collect()
         self._publish_step()
 
@@ -227,6 +267,8 @@ class VoxelNode(RosNode):
         """Move the neighbours' messages of the step before into the inbox."""
         for d, box in self._received.items():
             message = box.pop((self._episode, self._step - 1), None)
+            if self._step > 0:
+                self._links[d].close_step(self._step - 1, message is not None)
             if message is None:
                 self._inbox[d] = 0.0
             else:

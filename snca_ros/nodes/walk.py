@@ -22,7 +22,14 @@ from snca_ros.box import DEFAULT_CONTROLLER, find_controller, graph_environment
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.locomotion import run_episode
 from snca_ros.faults import Faults, parse_faults
-from snca_ros.nodes.bringup import Graph, WalkOptions, describe_graph, robot_name
+from snca_ros.files import check_new_bag
+from snca_ros.nodes.bringup import (
+    Graph,
+    NodeProcess,
+    WalkOptions,
+    describe_graph,
+    robot_name,
+)
 from snca_ros.nodes.processes import RunningGraph
 from snca_ros.study import report
 from snca_ros.study.bag import read_bag
@@ -37,6 +44,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         f'(default {DEFAULT_CONTROLLER})')
     parser.add_argument('--duration', type=float, default=30.0,
                         help='simulated seconds to walk (default 30)')
+    parser.add_argument('--real-time', type=float, nargs='?', const=1.0, default=0.0,
+                        metavar='FACTOR', help='keep to wall time, or to FACTOR times as fast, '
+                        'and never wait for a voxel (default: in lock-step, as fast as it goes)')
+    parser.add_argument('--respawn', action='store_true',
+                        help='start voxels again that were killed')
     parser.add_argument('--terrain', default='', help='default: the one it was evolved on')
     parser.add_argument('--engine', default='', choices=['', *ENGINES], metavar='ENGINE',
                         help=f'{", ".join(ENGINES)} (default: the one that chose the controller)')
@@ -57,23 +69,27 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     trained = load_controller(path)
     if not 0.0 < args.duration <= 1e5:
         raise InvalidInput('duration', args.duration, 'seconds from 0 to 100000')
+    if not 0.0 <= args.real_time <= 100.0:
+        raise InvalidInput('real_time', args.real_time, 'a factor from 0 to 100')
     _check_shape(path, trained, args.shape)
+    robot = args.robot or robot_name(trained.morphology)
+    bag = args.bag or Path('bags') / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'
+    if not args.no_bag:
+        check_new_bag(bag)
     # Also checks all names and compiles the cells before ten processes need them.
     engine = args.engine or trained.chosen_by
     faults = parse_faults(args.faults)
     offline = _offline_centers(
         trained, args.terrain or trained.terrain, engine, args.duration, faults
     )
-    robot = args.robot or robot_name(trained.morphology)
-    bag = args.bag or Path('bags') / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'
-    if bag.exists() and not args.no_bag:
-        raise InvalidInput('bag', str(bag), 'a folder that does not exist yet')
     options = WalkOptions(
-        robot, args.terrain, engine, args.duration, args.voxels_per_process,
+        robot, args.terrain, engine, args.duration, args.real_time, args.voxels_per_process,
         bag='' if args.no_bag else str(bag), storage=args.storage, faults=faults,
     )
-    code = _walk(describe_graph(path, trained, options), args.duration)
-    return code if code or args.no_bag else _report(bag, offline)
+    code = _walk(describe_graph(path, trained, options), options, args.respawn)
+    if code or args.no_bag:
+        return code
+    return _report(bag, offline, may_differ=args.respawn or args.real_time > 0.0)
 
 
 def _check_shape(path: Path, trained: TrainedController, shape: str | None) -> None:
@@ -93,7 +109,7 @@ def _offline_centers(
     return run_episode(simulation, trained.controller(faults), duration).centers
 
 
-def _walk(graph: Graph, duration: float) -> int:
+def _walk(graph: Graph, options: WalkOptions, respawn: bool) -> int:
     """Run the graph until the simulation is done; return the exit code."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     started = time.monotonic()
@@ -106,19 +122,20 @@ def _walk(graph: Graph, duration: float) -> int:
     os.environ.update(environment)
     try:
         with RunningGraph(graph, environment) as running:
-            code = _watch(graph, running, duration)
+            code = _watch(graph, running, options, respawn)
     except KeyboardInterrupt:
         print('\nstopped', file=sys.stderr)
         return INTERRUPTED
     if code == 0:
-        print(f'walked {duration:g} s in {time.monotonic() - started:.1f} s, start included',
-              file=sys.stderr)
+        taken = time.monotonic() - started
+        print(f'walked {options.duration:g} s in {taken:.1f} s, start included', file=sys.stderr)
     return code
 
 
-def _watch(graph: Graph, running: RunningGraph, duration: float) -> int:
+def _watch(graph: Graph, running: RunningGraph, options: WalkOptions, respawn: bool) -> int:
     """Wait for the simulation to end; show its progress from its own diagnostics."""
     steps = [0]
+    given_up: set[NodeProcess] = set()
     name = f'/{graph.robot}/sim_node'
 
     def note(message: DiagnosticArray) -> None:
@@ -135,27 +152,38 @@ def _watch(graph: Graph, running: RunningGraph, duration: float) -> int:
         while running.exit_code(graph.simulation) is None:
             rclpy.spin_once(node, timeout_sec=0.2)
             if live:
-                print(f'\r{steps[0] / CONTROL_RATE:7.1f} of {duration:g} s', end='',
+                print(f'\r{steps[0] / CONTROL_RATE:7.1f} of {options.duration:g} s', end='',
                       file=sys.stderr, flush=True)
-            for process in running.ended():
-                if process is not graph.simulation:
-                    print(f'\n{process.executable} {" ".join(process.names)} ended with code '
-                          f'{running.exit_code(process)}', file=sys.stderr)
+            for process in {*running.ended()} - {graph.simulation} - given_up:
+                code = running.exit_code(process)
+                said = f'\n{process.executable} {" ".join(process.names)} ended with code {code}'
+                voxel = process in graph.voxels
+                if voxel and respawn and code is not None and code < 0:  # a signal's doing
+                    print(f'{said}: started again', file=sys.stderr)
+                    running.start_again(process)
+                elif voxel and options.real_time_factor:
+                    print(f'{said}: the robot goes on without', file=sys.stderr)
+                    given_up.add(process)
+                else:
+                    print(said, file=sys.stderr)
                     return 1
         if live:
-            print(f'\r{duration:7.1f} of {duration:g} s', file=sys.stderr)
+            print(f'\r{options.duration:7.1f} of {options.duration:g} s', file=sys.stderr)
         node.destroy_node()
     finally:
         rclpy.try_shutdown()
     return 0 if running.exit_code(graph.simulation) == 0 else 1
 
 
-def _report(bag: Path, offline: np.ndarray) -> int:
+def _report(bag: Path, offline: np.ndarray, may_differ: bool) -> int:
     report_parser = argparse.ArgumentParser(prog='snca report')
     report.add_arguments(report_parser)
     code = report.run(report_parser.parse_args([str(bag)]), report_parser)
     centers = read_bag(bag).centers
     same = centers.shape == offline.shape and np.array_equal(centers, offline)
     verdict = 'bit for bit the same' if same else 'NOT THE SAME'
+    if may_differ and not same and centers.shape == offline.shape:
+        parted = np.flatnonzero((centers != offline).any(axis=1))[0]
+        verdict = f'the same until step {parted}, when late, lost or dead voxels began to show'
     print(f'offline twin: {len(offline)} positions of the centre, {verdict}')
-    return code if same else 1
+    return code if same or may_differ else 1

@@ -130,11 +130,14 @@ def start_node(start, tmp_path):
 def walk(start_node, make_controller):
     """Return a function that starts a robot of three voxels; (graph, children by name)."""
 
-    def run(duration=0.0, leave_out=(), patience=None, **simulation):
+    def run(duration=0.0, real_time_factor=0.0, leave_out=(), patience=None, **simulation):
         # Paused until the test listens: the graph is faster than a test that looks at it.
         simulation = {'start_paused': True, **simulation}
         path = make_controller('11-10')
-        options = WalkOptions(robot='robot', duration=duration, simulation=simulation)
+        options = WalkOptions(
+            robot='robot', duration=duration, real_time_factor=real_time_factor,
+            simulation=simulation,
+        )
         graph = describe_graph(path, load_controller(path), options)
         children = {'sim_node': start_node(graph, graph.simulation)}
         for process in graph.voxels:

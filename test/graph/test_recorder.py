@@ -1,10 +1,18 @@
-"""Bags: both storages, real QoS profiles and type hashes, readable by any tool."""
+"""Bags: both storages, real QoS profiles and type hashes, readable by any tool, hard to lose."""
 
+import os
+import resource
+import signal
+import time
+
+import numpy as np
 import pytest
+from conftest import go, offline
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 
 from snca_ros.controller_file import load_controller
+from snca_ros.files import RESERVE
 from snca_ros.nodes.bringup import WalkOptions, describe_graph
 from snca_ros.nodes.processes import RunningGraph
 from snca_ros.study.bag import read_bag
@@ -51,3 +59,78 @@ def test_bag_holds_the_graph(make_controller, node, spin_until, tmp_path, storag
             assert connection.msgtype == message_type
             assert connection.digest in type_hash
     assert len([t for t in topics if t in hashes and t.startswith('/robot/')]) >= 9
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_killed_recorder_leaves_all_but_the_last_second(
+    make_controller, node, spin_until, centers, tmp_path, storage
+):
+    path = make_controller('11-10')
+    options = WalkOptions(
+        robot='robot', duration=0.0, real_time_factor=2.0, bag=str(tmp_path / 'bag'),
+        storage=storage, voxels_per_process=3,
+    )
+    graph = describe_graph(path, load_controller(path), options)
+    with RunningGraph(graph, {}) as running:
+        spin_until(lambda: centers[0])
+        begin = time.monotonic()
+        spin_until(lambda: time.monotonic() > begin + 1.0)
+        newest = max(centers[0])
+        spin_until(lambda: time.monotonic() > begin + 2.0)
+        os.kill(running.pids()[graph.recorder], signal.SIGKILL)
+        running.wait(graph.recorder, 10.0)
+        spin_until(lambda: max(centers[0]) > newest + 300)
+    bag = read_bag(tmp_path / 'bag')
+    assert not bag.closed
+    assert newest <= bag.n_steps - 1 <= max(centers[0])
+    assert newest > 60
+    known = [centers[0][k] for k in range(newest + 1)]
+    np.testing.assert_array_equal(bag.centers[: newest + 1], known)
+    assert all(
+        (count.missing > newest - 30).all() for count in bag.counts
+        if count.missing is not None
+    )
+
+
+def limit_files(n_bytes):
+    """Return what lets a child write files of at most so many bytes: a small disk."""
+    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, n_bytes))
+
+
+def test_recorder_ends_with_its_bag_closed_before_the_disk_is_full(
+    walk, start, node, spin_until, centers, tmp_path
+):
+    _, _, path = walk(recorders=1)
+    recorder = start(
+        'recorder_node', '--ros-args', '-r', '__ns:=/robot', '-p', f'bag:={tmp_path / "bag"}',
+        preexec_fn=limit_files(RESERVE + 300_000),
+    )
+    go(node, spin_until, centers)
+    output, _ = recorder.communicate(timeout=60)
+    assert recorder.returncode == 1, output
+    assert 'cannot be written: only 1' in output
+    assert 'Traceback' not in output
+    bag = read_bag(tmp_path / 'bag')
+    assert bag.closed
+    assert bag.n_steps > 60
+    np.testing.assert_array_equal(bag.centers[:61], offline(path, 1.0))
+    assert all(
+        (count.missing > bag.n_steps - 30).all() for count in bag.counts
+        if count.missing is not None
+    )
+
+
+@pytest.mark.parametrize('command', ['walk', 'recorder_node'])
+def test_a_disk_without_room_is_reported_before_anything_starts(
+    start, make_controller, tmp_path, command
+):
+    arguments = {
+        'walk': [make_controller(), '--bag', 'bag'],
+        'recorder_node': ['--ros-args', '-p', 'bag:=bag'],
+    }[command]
+    child = start(command, *arguments, preexec_fn=limit_files(1_000_000))
+    output, _ = child.communicate(timeout=60)
+    assert child.returncode == 2
+    assert 'room for 1.0 MB' in output
+    assert len([line for line in output.splitlines() if 'error' in line]) == 1
+    assert not (tmp_path / 'bag').exists()

@@ -1,0 +1,102 @@
+"""In real time the simulation keeps its rate, waits for nobody, and everything is accounted for."""
+
+import signal
+import time
+
+import numpy as np
+from conftest import call, go, offline
+from std_srvs.srv import SetBool, Trigger
+
+
+def links_of(figures):
+    """Return {topic: messages on time, late and lost} of what a node shows in /diagnostics."""
+    found = {}
+    for key, count in figures.items():
+        for outcome in ('on time', 'late', 'lost'):
+            if key.endswith(f' {outcome}'):
+                found.setdefault(key.removesuffix(f' {outcome}'), {})[outcome] = count
+    return found
+
+
+def test_rate_is_kept_and_every_message_accounted_for(walk, node, spin_until, centers, health):
+    _, children, path = walk(real_time_factor=2.0, duration=5.0)
+    go(node, spin_until, centers)
+    spin_until(lambda: 20 in centers[0])
+    begin = time.monotonic()
+    spin_until(lambda: 260 in centers[0])
+    rate = 240 / (time.monotonic() - begin)
+    assert abs(rate / 120.0 - 1.0) < 0.1
+    output, _ = children['sim_node'].communicate(timeout=30)
+    assert children['sim_node'].returncode == 0, output
+    spin_until(lambda: health['sim_node'][2].get('steps') == 300)
+    figures = health['sim_node'][2]
+    assert figures['step time p50 [ms]'] <= figures['step time p99 [ms]']
+    assert figures['step time p99 [ms]'] <= figures['step time max [ms]']
+    assert figures['missed deadlines'] < 60
+    links = links_of(figures)
+    assert sorted(links) == [f'voxel_{v}/actuation' for v in ('0_0', '0_1', '1_1')]
+    assert [sum(link.values()) for link in links.values()] == [300] * 3
+    spin_until(lambda: health['voxel_0_1'][2].get('steps', 0) >= 295)
+    links = links_of(health['voxel_0_1'][2])
+    assert sorted(links) == ['voxel_0_0/spikes', 'voxel_0_1/sensors', 'voxel_1_1/spikes']
+    # The start is in lock-step: at least this far the walk is that of the offline twin.
+    np.testing.assert_array_equal([centers[0][k] for k in range(3)], offline(path, 2 / 60))
+
+
+def test_dead_voxel_is_named_and_the_robot_goes_on(
+    walk, start_node, node, spin_until, centers, health
+):
+    graph, children, _ = walk(real_time_factor=1.0)
+    go(node, spin_until, centers)
+    spin_until(lambda: 30 in centers[0])
+    children['voxel_0_1'].send_signal(signal.SIGKILL)
+    killed = time.monotonic()
+    spin_until(lambda: health['sim_node'][1] == 'silent: voxel_0_1')
+    assert time.monotonic() - killed < 1.0
+    spin_until(lambda: all(
+        'silent: voxel_0_1' in health[name][1] for name in ('voxel_0_0', 'voxel_1_1')
+    ))
+    newest = max(centers[0])
+    spin_until(lambda: max(centers[0]) > newest + 60)
+    assert children['sim_node'].poll() is None
+    before = links_of(health['sim_node'][2])
+    assert before['voxel_0_1/actuation']['lost'] > 30
+    assert before['voxel_0_0/actuation']['lost'] < 30
+
+    start_node(graph, graph.voxels[1])
+    spin_until(lambda: health['sim_node'][1].startswith('running'))
+    spin_until(lambda: 'silent' not in health['voxel_0_0'][1])
+    spin_until(lambda: health['voxel_0_1'][2].get('steps', 0) > 30)
+
+
+def test_restarted_simulation_in_mid_run(walk, start_node, node, spin_until, centers, health):
+    """Voxels notice it whatever step they hear first, and the walk is one from the start."""
+    graph, children, path = walk(real_time_factor=1.0)
+    go(node, spin_until, centers)
+    spin_until(lambda: 60 in centers[0])
+    children['sim_node'].send_signal(signal.SIGKILL)
+    children['sim_node'].wait(30)
+    start_node(graph, graph.simulation)
+    spin_until(lambda: len(centers) == 2)
+    assert call(node, spin_until, SetBool, 'pause', data=False).success
+    spin_until(lambda: 60 in centers[1])
+    np.testing.assert_array_equal([centers[1][k] for k in range(3)], offline(path, 2 / 60))
+    spin_until(lambda: health['sim_node'][1].startswith('running'))
+
+
+def test_pause_step_and_reset(walk, node, spin_until, centers, health):
+    walk(real_time_factor=1.0)
+    go(node, spin_until, centers)
+    spin_until(lambda: 30 in centers[0])
+    assert call(node, spin_until, SetBool, 'pause', data=True).success
+    spin_until(lambda: health['sim_node'][1].startswith('paused'))
+    reached = max(centers[0])
+    for k in (1, 2):
+        assert call(node, spin_until, Trigger, 'step').success
+        spin_until(lambda k=k: reached + k in centers[0])
+    assert max(centers[0]) == reached + 2
+    assert call(node, spin_until, Trigger, 'reset').success
+    spin_until(lambda: len(centers) == 2)
+    assert call(node, spin_until, SetBool, 'pause', data=False).success
+    spin_until(lambda: 60 in centers[1])
+    assert health['sim_node'][2]['missed deadlines'] < 60

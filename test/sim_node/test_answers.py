@@ -1,0 +1,70 @@
+"""Accounts of links and answers of voxels, checked against what was sent."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_node.answers import Answers
+from sim_node.links import Link, link_figures
+
+VOXELS = ('voxel_0_0', 'voxel_1_0')
+
+
+@given(st.lists(st.tuples(st.booleans(), st.integers(-1, 40)), max_size=40))
+def test_every_message_is_on_time_late_or_lost(steps):
+    """Each step says whether its message is there, and which older one comes then."""
+    link, in_time, came_late = Link(), set(), set()
+    for step, (came, old) in enumerate(steps):
+        link.close_step(step, came)
+        in_time |= {step} if came else set()
+        link.note_late(old)
+        if 0 <= old <= step and old not in in_time:
+            came_late.add(old)
+    assert link.on_time == len(in_time)
+    assert link.late == len(came_late)
+    assert link.on_time + link.late + link.lost == len(steps)
+    assert link.newest == max(in_time, default=-1)
+
+
+def test_nothing_of_another_episode_comes_late():
+    link = Link()
+    link.close_step(0, False)
+    link.restart()
+    link.note_late(0)
+    assert link_figures({'a': link}) == {'a on time': 0, 'a late': 0, 'a lost': 1}
+
+
+def test_a_held_actuation_acts_until_its_voxel_is_silent():
+    answers = Answers(VOXELS, hold=True)
+    answers.open_step()
+    assert answers.take(0, 0, 0.5, step=0, now=0.0)
+    assert answers.take(1, 0, -1.0, step=0, now=0.0)
+    assert answers.missing == []
+    np.testing.assert_array_equal(answers.close_step(0), [0.5, -1.0])
+    answers.open_step()
+    assert answers.take(0, 1, 0.25, step=1, now=0.2)
+    assert answers.missing == ['voxel_1_0']
+    np.testing.assert_array_equal(answers.close_step(1), [0.25, -1.0])
+    answers.open_step()
+    assert not answers.take(1, 1, 0.75, step=2, now=0.25)  # late, and still the newest
+    np.testing.assert_array_equal(answers.close_step(2), [0.25, 0.75])
+    assert answers.let_go(0.5, 0.25) == ['voxel_0_0']
+    assert answers.let_go(0.5, 0.25) == []
+    answers.open_step()
+    np.testing.assert_array_equal(answers.close_step(3), [0.0, 0.75])
+    assert answers.silent == {'voxel_0_0'}
+    assert not answers.take(0, 1, 0.25, step=4, now=0.6)  # once more: no sign of life
+    assert answers.silent == {'voxel_0_0'}
+    answers.open_step()
+    assert answers.take(0, 4, 1.0, step=4, now=0.6)
+    assert answers.silent == set()
+    assert [link.late for link in answers.links] == [0, 1]
+
+
+def test_in_lock_step_nothing_late_acts():
+    answers = Answers(VOXELS, hold=False)
+    answers.open_step()
+    assert not answers.take(0, 0, 0.5, step=1, now=0.0)
+    answers.silent.update(VOXELS)
+    np.testing.assert_array_equal(answers.close_step(1), [0.0, 0.0])
+    assert answers.silent == set(VOXELS)

@@ -1,0 +1,48 @@
+"""Deadlines are absolute, and what is missed is counted."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_node.pace import Pace, StepTimes
+
+
+@given(st.floats(0.0, 0.9), st.integers(1, 10**7))
+def test_lateness_does_not_add_up(lateness, n):
+    pace = Pace(60.0)
+    pace.start(2, 100.0)
+    for step in (3, 4, 5):
+        pace.note(step, pace.due(step) + lateness / 60.0)
+    assert pace.missed == 0
+    assert pace.due(2 + 60 * n) == pytest.approx(100.0 + n, abs=1e-6)
+
+
+def test_a_step_behind_the_next_deadline_is_missed():
+    pace = Pace(100.0)
+    pace.start(0, 0.0)
+    for step, now in ((1, 0.010), (2, 0.0315), (3, 0.0405), (4, 0.0410), (5, 0.0510)):
+        pace.note(step, now)
+    assert pace.missed == 2
+    assert pace.due(6) == pytest.approx(0.06)
+
+
+def test_who_is_a_second_behind_gives_it_up():
+    pace = Pace(100.0)
+    pace.start(0, 0.0)
+    pace.note(1, 2.015)
+    assert pace.missed == 200
+    assert pace.due(2) == pytest.approx(2.025)
+
+
+def test_step_times():
+    times = StepTimes()
+    times.note(1.0)
+    assert times.summary() == {}
+    for now in (1.25, 1.5, 1.75, 2.75):
+        times.note(now)
+    times.restart()
+    times.note(100.0)
+    assert times.summary() == {
+        'step time p50 [ms]': '250.00', 'step time p99 [ms]': '977.50',
+        'step time max [ms]': '1000.00',
+    }
