@@ -105,6 +105,26 @@ class Observer:
         finally:
             self._node.destroy_subscription(subscription)
 
+    @contextmanager
+    def newest_step(self, robot: str) -> Iterator[list[int]]:
+        """Give a list with the newest step of the robot's odometry while the context lasts."""
+        from nav_msgs.msg import Odometry
+
+        from sim_node.interface import stream_qos
+
+        newest = [-1]
+
+        def note(message: Odometry) -> None:
+            newest[0] = step_of_stamp(message.header.stamp.sec, message.header.stamp.nanosec)
+
+        subscription = self._node.create_subscription(
+            Odometry, f'/{robot}/odometry', note, stream_qos()
+        )
+        try:
+            yield newest
+        finally:
+            self._node.destroy_subscription(subscription)
+
     def __enter__(self) -> 'Observer':
         return self
 

@@ -1,5 +1,7 @@
 """(ROS) What every node of the project shares: parameters, executor, diagnostics, clean exit."""
 
+import os
+import platform
 import signal
 import sys
 import time
@@ -184,6 +186,7 @@ class RosNode(Node):
         values = {**self.counters, 'steps per second': round(rate, 1), **self.figures()}
         status = DiagnosticStatus(
             level=level, name=self.get_fully_qualified_name(), message=text,
+            hardware_id=f'{platform.node()}:{os.getpid()}',
             values=[KeyValue(key=k, value=str(v)) for k, v in values.items()],
         )
         message = DiagnosticArray(status=[status])

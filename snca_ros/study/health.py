@@ -45,16 +45,16 @@ def read_health(topics: Mapping[str, Topic], robot: str) -> dict[str, NodeHealth
     Raises:
         InvalidInput: a message is not of the type that it should be.
     """
-    lives: dict[str, list[dict[str, float]]] = {}
+    lives: dict[str, dict[str, dict[str, float]]] = {}  # by node and process
     try:
         for data in topics[TOPIC].messages if TOPIC in topics else ():
             for status in _types().deserialize_cdr(data, _TYPE).status:
                 robot_of, _, node = status.name.rpartition('/')
                 if robot_of == f'/{robot}':
-                    _add(lives.setdefault(node, []), _figures(status))
+                    lives.setdefault(node, {})[status.hardware_id] = _figures(status)
     except Exception as error:  # what rosbags says about bytes of another layout
         raise InvalidInput(TOPIC, ' '.join(str(error).split()), _TYPE) from None
-    return {node: _sum(mine) for node, mine in lives.items()}
+    return {node: _sum(list(mine.values())) for node, mine in lives.items()}
 
 
 @functools.cache
@@ -68,14 +68,6 @@ def _figures(status: Any) -> dict[str, float]:
         with contextlib.suppress(ValueError):  # another node's words, not a number
             figures[pair.key] = float(pair.value)
     return figures
-
-
-def _add(lives: list[dict[str, float]], figures: dict[str, float]) -> None:
-    """Add a node's newest figures: of the same life, or of a new one if it counts from 0 again."""
-    if lives and figures.get('steps', 0.0) >= lives[-1].get('steps', 0.0):
-        lives[-1] = figures
-    else:
-        lives.append(figures)
 
 
 def _sum(lives: list[dict[str, float]]) -> NodeHealth:

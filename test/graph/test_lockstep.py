@@ -1,6 +1,7 @@
 """The simulation waits for every voxel, serves reset, pause and step, and names the silent."""
 
 import signal
+import time
 
 import numpy as np
 from conftest import call, go, offline
@@ -78,7 +79,9 @@ def test_run_goes_on_without_a_silent_voxel(walk, node, spin_until, centers):
     assert children['sim_node'].poll() is None
 
 
-def test_killed_voxels_rejoin_when_started_again(walk, start_node, node, spin_until, centers):
+def test_killed_voxels_are_named_and_rejoin_when_started_again(
+    walk, start_node, node, spin_until, centers, health
+):
     graph, children, _ = walk(silence_limit=60.0)
     go(node, spin_until, centers)
     for i, process in enumerate(graph.voxels):
@@ -87,6 +90,9 @@ def test_killed_voxels_rejoin_when_started_again(walk, start_node, node, spin_un
         spin_until(lambda reached=reached: max(centers[0]) > reached)
         children[name].send_signal(signal.SIGKILL)
         children[name].wait(30)
+        killed = time.monotonic()
+        spin_until(lambda name=name: health['sim_node'][1].endswith(f'waits for {name}'))
+        assert time.monotonic() - killed < 1.0
         children[name] = start_node(graph, process)
         newest = max(centers[0])
         spin_until(lambda newest=newest: max(centers[0]) > newest + 50)

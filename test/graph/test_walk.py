@@ -88,3 +88,49 @@ def test_bad_input_is_named_and_nothing_starts(start, make_controller, tmp_path,
     for text in expected:
         assert text in output
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+def voxel_pid(walk_pid, name):
+    """Return the process of a voxel of a walk, which is a fork or was started again."""
+    for pid in children_of(walk_pid):
+        words = Path(f'/proc/{pid}/cmdline').read_text().split('\0')
+        if node_of(pid) == name or name in words:
+            return pid
+    return None
+
+
+def test_killed_voxel_is_started_again(start, make_controller, tmp_path):
+    child = start(
+        'walk', make_controller('11-10'), '--duration', 30, '--respawn', '--bag', 'bag'
+    )
+    wait_for((tmp_path / 'bag').exists)
+    first = wait_for(lambda: voxel_pid(child.pid, 'voxel_0_1'))
+    wait_for(lambda: (tmp_path / 'bag' / 'bag.mcap').stat().st_size > 100_000)
+    os.kill(first, signal.SIGKILL)
+    wait_for(lambda: voxel_pid(child.pid, 'voxel_0_1') not in (first, None))
+    output, _ = child.communicate(timeout=120)
+    assert child.returncode == 0, output
+    assert 'voxel_node voxel_0_1 ended with code -9: started again' in output
+    assert '1801 positions of the centre, the same until step' in output
+    assert lost_in_total(output) == 0
+
+
+def lost_in_total(output):
+    (line,) = [line for line in output.splitlines() if line.startswith('total ')]
+    return int(line.split()[-1])
+
+
+def test_real_time_walk_goes_on_without_a_killed_voxel(start, make_controller, tmp_path):
+    child = start(
+        'walk', make_controller('11-10'), '--duration', 6, '--real-time', 2, '--bag', 'bag'
+    )
+    wait_for((tmp_path / 'bag').exists)
+    victim = wait_for(lambda: voxel_pid(child.pid, 'voxel_0_1'))
+    wait_for(lambda: (tmp_path / 'bag' / 'bag.mcap').stat().st_size > 50_000)
+    os.kill(victim, signal.SIGKILL)
+    output, _ = child.communicate(timeout=90)
+    assert child.returncode == 0, output
+    assert 'voxel_node voxel_0_1 ended with code -9: the robot goes on without' in output
+    assert 'missed deadlines' in output
+    assert 'voxel_0_1/spikes at voxel_0_0: ' in output
+    assert 'lost on /robot_11_10/voxel_0_1/actuation' in output

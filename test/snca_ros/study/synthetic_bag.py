@@ -89,11 +89,11 @@ def clock(step: int):
     )
 
 
-def diagnostics(node: str, figures: Mapping[str, object]):
+def diagnostics(node: str, figures: Mapping[str, object], process: str = 'host:1'):
     pairs = [
         TYPES['diagnostic_msgs/msg/KeyValue'](key, str(value)) for key, value in figures.items()
     ]
-    status = TYPES['diagnostic_msgs/msg/DiagnosticStatus'](0, node, 'fine', '', pairs)
+    status = TYPES['diagnostic_msgs/msg/DiagnosticStatus'](0, node, 'fine', process, pairs)
     return TYPES['diagnostic_msgs/msg/DiagnosticArray'](_header(0, ''), [status])
 
 

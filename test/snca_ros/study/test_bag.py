@@ -159,17 +159,17 @@ def test_a_voxel_of_which_only_diagnostics_are_left_has_lost_everything(tmp_path
 
 def test_figures_of_all_lives_of_a_node(tmp_path):
     messages = messages_of_walk(make_walk(N_STEPS))
-    lives = [(5, 4, 1), (9, 7, 2), (3, 3, 0), (6, 5, 1)]  # steps; of them on time, and lost
-    for k, (steps, on_time, lost) in enumerate(lives):
+    lives = [('a', 5, 4, 1), ('a', 9, 7, 2), ('b', 9, 9, 0), ('b', 12, 11, 1)]
+    for k, (process, steps, on_time, lost) in enumerate(lives):
         figures = {
             'steps': steps, 'steps per second': 60.0, 'x/spikes on time': on_time,
             'x/spikes late': 0, 'x/spikes lost': lost, 'remark': 'none',
         }
-        messages[k].append(('/diagnostics', diagnostics('/biped/voxel_0_0', figures)))
+        messages[k].append(('/diagnostics', diagnostics('/biped/voxel_0_0', figures, process)))
     health = read_bag(write_messages(tmp_path / 'bag', messages)).health['voxel_0_0']
     assert health.lives == 2
-    assert health.links == {'x/spikes': (12, 0, 3)}
-    assert health.figures['steps'] == 15
+    assert health.links == {'x/spikes': (18, 0, 3)}
+    assert health.figures['steps'] == 21
     assert health.figures['steps per second'] == 60.0
 
 
