@@ -55,7 +55,7 @@ class SimNode(RosNode):
         )
         self._hold_limit = p(
             'hold_limit', 0.25, 'real time: wall time without an answer after which a voxel goes '
-            'limp; until then it holds its last actuation [s]', 0.0, 3600.0,
+            'limp; until then it holds its last actuation; at least two steps [s]', 0.0, 3600.0,
         )
         self._recorders = p(
             'recorders', 0, 'recorders that must listen before step 0 is published', 0, 10
@@ -206,9 +206,9 @@ class SimNode(RosNode):
             return
         if now >= self._pace.due(step):
             self._pace.note(step, now)
-            if fallen := self._answers.let_go(now, self._hold_limit):
-                names = ', '.join(fallen)
-                self.get_logger().error(f'limp, silent for {self._hold_limit:g} s: {names}')
+            limit = max(self._hold_limit, 2.0 * self._pace.period)
+            if fallen := self._answers.let_go(now, limit):
+                self.get_logger().error(f'limp, silent for {limit:g} s: {", ".join(fallen)}')
                 self.publish_diagnostics()
             self._make_step()
         self._await_tick()

@@ -17,11 +17,12 @@ class Pace:
         rate: steps per second.
 
     Attributes:
+        period: time between two steps.
         missed: steps that began only when the next one was due already, and deadlines given up.
     """
 
     def __init__(self, rate: float) -> None:
-        self._period = 1.0 / rate
+        self.period = 1.0 / rate
         self.missed = 0
         self.start(0, 0.0)
 
@@ -31,15 +32,15 @@ class Pace:
 
     def due(self, step: int) -> float:
         """Return when a step is to be made."""
-        return self._begin + (step - self._first) * self._period
+        return self._begin + (step - self._first) * self.period
 
     def note(self, step: int, now: float) -> None:
         """Note that a step is made now."""
         lag = now - self.due(step)
         if lag > _LAG_LIMIT:
-            self.missed += int(lag / self._period)
+            self.missed += int(lag / self.period)
             self.start(step, now)
-        elif lag >= self._period:
+        elif lag >= self.period:
             self.missed += 1
 
 

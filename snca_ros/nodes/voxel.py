@@ -69,7 +69,7 @@ class VoxelNode(RosNode):
         self._joined = False
         self._join_timer = self.create_timer(_JOIN_PAUSE, self._join)
         # Neighbours' messages nearly always come before the sensors that they are awaited with.
-        self._look_timer = self.create_timer(_LOOK_PERIOD, self._look)
+        self._look_timer = self.create_timer(_LOOK_PERIOD, self._try_step)
         self._look_timer.cancel()
         self._episode = b''
         self._past: deque[bytes] = deque(maxlen=interface.QUEUE)
@@ -198,6 +198,8 @@ class VoxelNode(RosNode):
 
     def health(self) -> tuple[bytes, str]:
         """Return the state for /diagnostics: the step, and whom it waits for."""
+        if self._step < 0:
+            return DiagnosticStatus.OK, 'no sensors yet'
         quiet = [
             self._neighbors[d] for d, link in self._links.items()
             if self._step - link.newest > _QUIET
@@ -205,7 +207,8 @@ class VoxelNode(RosNode):
         if quiet:
             return DiagnosticStatus.WARN, f'step {self._step}, silent: {", ".join(quiet)}'
         if self._readings is None:
-            return DiagnosticStatus.OK, f'step {self._step} answered'
+            age = time.monotonic() - self._since
+            return DiagnosticStatus.OK, f'step {self._step}, its sensors came {age:.1f} s ago'
         waiting = ', '.join(self._neighbors[d] for d in self._awaited()) or 'nobody'
         return DiagnosticStatus.OK, f'step {self._step} waits for {waiting}'
 
@@ -237,29 +240,25 @@ class VoxelNode(RosNode):
             if before not in box and now not in box and d not in self._silent
         ]
 
-    def _look(self) -> None:
-        """Look for messages that are late, less and less often."""
-        period = 2 * self._look_timer.timer_period_ns
-        self._look_timer.timer_period_ns = min(period, int(_LOOK_SELDOM * 1e9))
-        self._try_step()
-
     def _try_step(self) -> None:
         """Step if sensors(k) and all neighbours' messages(k - 1) are here."""
         if self._readings is None or not self._joined:
             return
         self._take_messages()
         if waiting := self._awaited():
+            waited = time.monotonic() - self._since
+            period = min(max(waited / 4.0, _LOOK_PERIOD), _LOOK_SELDOM)
+            self._look_timer.timer_period_ns = int(period * 1e9)
             self._look_timer.reset()
             # At first neighbours may still be looking for each other.
             patience = self._patience if self._step > START_STEPS else 10.0 * self._patience
-            if not patience or time.monotonic() - self._since < patience:
+            if not patience or waited < patience:
                 return
             for d in waiting:
                 self.get_logger().warning(f'{self._neighbors[d]} is silent')
             self._silent.update(waiting)
             self.count('times a neighbour fell silent')
         self._look_timer.cancel()
-        self._look_timer.timer_period_ns = int(_LOOK_PERIOD * 1e9)
         self._collect()
         self._publish_step()
 
