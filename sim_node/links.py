@@ -33,6 +33,12 @@ class Link:
         if len(self._missing) > _MEMORY:
             del self._missing[next(iter(self._missing))]
 
+    def arrive(self, step: int) -> None:
+        """Note that a message has come, and none of those between it and the newest before."""
+        for missing in range(self.newest + 1, step) if self.newest >= 0 else ():
+            self.close_step(missing, False)
+        self.close_step(step, True)
+
     def note_late(self, step: int) -> None:
         """Note that the message of a step has come after its step was closed."""
         if step in self._missing:

@@ -20,7 +20,7 @@ from sim_node.compiled import warm_up
 from sim_node.errors import InvalidInput
 from sim_node.links import link_figures
 from sim_node.pace import Pace, StepTimes
-from sim_node.parameters import simulation_of
+from sim_node.parameters import options_of, simulation_of
 from sim_node.ros import RosNode, run_nodes
 from sim_node.simulation import Diverged
 from sim_node.stamps import CONTROL_RATE, START_STEPS
@@ -36,48 +36,23 @@ class SimNode(RosNode):
     def __init__(self) -> None:
         super().__init__('sim_node')
         self.simulation = simulation_of(self)
-        p = self.parameter
-        self._duration = p(
-            'duration', 0.0, 'simulated time after which the node ends [s]; 0: never', 0.0, 1e6
-        )
-        self._silence_limit = p(
-            'silence_limit', 10.0, 'wall time a voxel may take to answer [s]', 0.1, 3600.0
-        )
-        self._start_limit = p(
-            'start_limit', 60.0, 'wall time until all voxels must have answered [s]', 0.1, 3600.0
-        )
-        self._on_silence = p(
-            'on_silence', 'stop', 'what to do about a silent voxel: stop | go_on'
-        )
-        factor = p(
-            'real_time_factor', 0.0, 'simulated time over wall time, kept without waiting for '
-            'voxels; 0: lock-step, as fast as all of them answer', 0.0, 100.0,
-        )
-        self._hold_limit = p(
-            'hold_limit', 0.25, 'real time: wall time without an answer after which a voxel goes '
-            'limp; until then it holds its last actuation; at least two steps [s]', 0.0, 3600.0,
-        )
-        self._recorders = p(
-            'recorders', 0, 'recorders that must listen before step 0 is published', 0, 10
-        )
-        self._paused = p('start_paused', False, 'wait for the service pause(false) or step')
+        self._options = options_of(self)
         self.check_unknown_parameters()
-        if self._on_silence not in ('stop', 'go_on'):
-            raise InvalidInput('on_silence', self._on_silence, 'stop or go_on', self.where())
         self._voxels = self.simulation.morphology.voxel_names
         warm_up('simulation', lambda: self.simulation.step(np.zeros(len(self._voxels))))
         self._make_topics()
         self._make_services()
-        self._answers = Answers(self._voxels, hold=factor > 0.0)
-        self._begun = False
+        self._answers = Answers(self._voxels, hold=self._options.real_time_factor > 0.0)
+        self._begun, self._paused = False, self._options.start_paused
         self._to_make: int | None = None
         self._waiting_since = time.monotonic()
         self._named_step = -1
         self._times = StepTimes()
+        factor = self._options.real_time_factor
         self._pace = Pace(CONTROL_RATE * factor) if factor else None
         self._tick_timer = self.create_timer(1.0, self._tick, autostart=False)
         self.create_timer(0.25, self._watch)
-        if self._recorders:
+        if self._options.recorders:
             self._start_timer = self.create_timer(0.02, self._begin_if_recorded)
         else:
             self._begin()
@@ -98,13 +73,13 @@ class SimNode(RosNode):
 
     def _begin_if_recorded(self) -> None:
         """Begin as soon as every recorder listens to all that will be said."""
-        missing = self._broadcast.unheard(self._recorders)
+        missing, limit = self._broadcast.unheard(self._options.recorders), self._options.start_limit
         if not missing:
             self._start_timer.cancel()
             self._begin()
-        elif time.monotonic() - self._waiting_since > self._start_limit:
+        elif time.monotonic() - self._waiting_since > limit:
             self.get_logger().error(
-                f'within {self._start_limit:g} s too few nodes listen to: {", ".join(missing)}'
+                f'within {limit:g} s too few nodes listen to: {", ".join(missing)}'
             )
             self.exit_code = _FAILED
 
@@ -125,7 +100,8 @@ class SimNode(RosNode):
         self._answers.open_step()
         self._waiting_since = time.monotonic()
         self._broadcast.publish_state()
-        if self._duration and self.simulation.step_count >= self._duration * CONTROL_RATE:
+        duration = self._options.duration
+        if duration and self.simulation.step_count >= duration * CONTROL_RATE:
             self._finish()
         else:
             self._broadcast.publish_sensors(self._readings, self._episode)
@@ -206,7 +182,7 @@ class SimNode(RosNode):
             return
         if now >= self._pace.due(step):
             self._pace.note(step, now)
-            limit = max(self._hold_limit, 2.0 * self._pace.period)
+            limit = max(self._options.hold_limit, 2.0 * self._pace.period)
             if fallen := self._answers.let_go(now, limit):
                 self.get_logger().error(f'limp, silent for {limit:g} s: {", ".join(fallen)}')
                 self.publish_diagnostics()
@@ -223,14 +199,14 @@ class SimNode(RosNode):
             self._named_step = step
             self.publish_diagnostics()
         # Until step 2 every voxel has not only to start but to find its neighbours.
-        limit = self._silence_limit if step >= START_STEPS else self._start_limit
+        limit = self._options.silence_limit if step >= START_STEPS else self._options.start_limit
         if waited <= limit:
             return
         self.get_logger().error(
             f'no actuation for step {step} within {limit:g} s from: {", ".join(missing)}'
         )
         self._answers.silent.update(missing)
-        if self._pace is None and self._on_silence == 'stop':
+        if self._pace is None and self._options.on_silence == 'stop':
             self.exit_code = _FAILED
         elif self._pace is None and len(self._answers.silent) == len(self._voxels):
             self.get_logger().error('every voxel is silent')

@@ -1,6 +1,6 @@
-"""(ROS) The body and its world from a node's parameters."""
+"""(ROS) What the simulation node is told: how to run, and the body and its world."""
 
-from dataclasses import fields
+from dataclasses import dataclass, fields
 
 from sim_node.errors import InvalidInput
 from sim_node.faults import FAULTS_OF_BODY
@@ -9,6 +9,44 @@ from sim_node.morphology import parse_morphology
 from sim_node.ros import RosNode
 from sim_node.simulation import Simulation
 from sim_node.solver import ENGINES, Solver
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a simulation node runs; times in seconds, see the parameters of the same names."""
+
+    duration: float
+    silence_limit: float
+    start_limit: float
+    on_silence: str
+    real_time_factor: float
+    hold_limit: float
+    recorders: int
+    start_paused: bool
+
+
+def options_of(node: RosNode) -> RunOptions:
+    """Return how to run, from the parameters of a node.
+
+    Raises:
+        InvalidInput: a parameter is off.
+    """
+    p = node.parameter
+    options = RunOptions(
+        p('duration', 0.0, 'simulated time after which the node ends [s]; 0: never', 0.0, 1e6),
+        p('silence_limit', 10.0, 'wall time a voxel may take to answer [s]', 0.1, 3600.0),
+        p('start_limit', 60.0, 'wall time until all voxels must have answered [s]', 0.1, 3600.0),
+        p('on_silence', 'stop', 'what to do about a silent voxel: stop | go_on'),
+        p('real_time_factor', 0.0, 'simulated time over wall time, kept without waiting for '
+          'voxels; 0: lock-step, as fast as all of them answer', 0.0, 100.0),
+        p('hold_limit', 0.25, 'real time: wall time without an answer after which a voxel goes '
+          'limp; until then it holds its last actuation; at least two steps [s]', 0.0, 3600.0),
+        p('recorders', 0, 'recorders that must listen before step 0 is published', 0, 10),
+        p('start_paused', False, 'wait for the service pause(false) or step'),
+    )
+    if options.on_silence not in ('stop', 'go_on'):
+        raise InvalidInput('on_silence', options.on_silence, 'stop or go_on', node.where())
+    return options
 
 
 def simulation_of(node: RosNode) -> Simulation:

@@ -73,9 +73,7 @@ class VoxelNode(RosNode):
         self._look_timer.cancel()
         self._episode = b''
         self._past: deque[bytes] = deque(maxlen=interface.QUEUE)
-        self._received: dict[int, dict[tuple[bytes, int], np.ndarray]] = {
-            d: {} for d in self._neighbors
-        }
+        self._received = {d: {} for d in self._neighbors}  # {(episode, step): message}
         self._sensors_link = Link()
         self._links = {d: Link() for d in self._neighbors}
         self._restart(b'')
@@ -111,11 +109,9 @@ class VoxelNode(RosNode):
         self._actuation_out = self.create_publisher(
             JointState, f'{voxel}/{interface.ACTUATION_TOPIC}', qos
         )
-        self._neighbor_messages = {
-            d: CellMessages(self._architecture, name) for d, name in self._neighbors.items()
-        }
-        self._mailboxes = {}
+        self._neighbor_messages, self._mailboxes = {}, {}
         for d, name in self._neighbors.items():
+            self._neighbor_messages[d] = CellMessages(self._architecture, name)
             self._mailboxes[d] = self.create_mailbox(Image, f'{name}/{topic}', queue)
         self.create_subscription(
             JointState, f'{voxel}/{interface.SENSORS_TOPIC}', self._on_sensors, queue, raw=True
@@ -156,10 +152,7 @@ class VoxelNode(RosNode):
             self._sensors_link.note_late(step)
             self.count('repeated sensors')
             return
-        if self._joined and self._step >= 0:
-            for missing in range(self._step + 1, step):
-                self._sensors_link.close_step(missing, False)
-        self._sensors_link.close_step(step, True)
+        self._sensors_link.arrive(step)
         self._step, self._readings, self._since = step, readings, time.monotonic()
         if not self._joined and self._since - self._first_heard < _JOIN_LIMIT:
             self._join_timer.reset()

@@ -26,6 +26,14 @@ def test_every_message_is_on_time_late_or_lost(steps):
     assert link.newest == max(in_time, default=-1)
 
 
+def test_messages_that_are_skipped_are_lost():
+    link = Link()
+    for step in (7, 8, 11):
+        link.arrive(step)
+    link.note_late(10)
+    assert link.counts() == {'on time': 3, 'late': 1, 'lost': 1}
+
+
 def test_nothing_of_another_episode_comes_late():
     link = Link()
     link.close_step(0, False)
