@@ -156,7 +156,8 @@ class SimNode(RosNode):
             self.exit_code = _FAILED
             return
         self.count('steps')
-        self._times.note(time.monotonic())
+        if self.simulation.step_count > START_STEPS:
+            self._times.note(time.monotonic())
         self._publish_step()
         if self._pace and self.simulation.step_count == START_STEPS and not self._paused:
             self._run_freely()
@@ -257,6 +258,7 @@ class SimNode(RosNode):
     def _serve_pause(self, request: SetBool.Request, response: SetBool.Response):
         self._paused, self._to_make = request.data, None
         self._waiting_since = time.monotonic()
+        self._times.restart()
         response.success = True
         response.message = f'{"paused" if request.data else "running"} at step ' + str(
             self.simulation.step_count
