@@ -19,19 +19,23 @@ def config_folders() -> list[Path]:
     return [Path(__file__).resolve().parents[1] / 'config', *installed]
 
 
-def graph_environment() -> dict[str, str]:
-    """Return what keeps a graph on this host, to be added to its processes' environment.
+def graph_environment(reach: str = 'loopback') -> dict[str, str]:
+    """Return what a graph's processes need in their environment to reach each other.
 
     A profile of the user's own, or another middleware than Fast DDS, is left as it is.
+
+    Args:
+        reach: `loopback` keeps the graph on this host; `network` is for voxels on several.
     """
     if any(name in os.environ for name in PROFILE_VARIABLES):
         return {}
-    profiles = [folder / 'fastdds-loopback.xml' for folder in config_folders()]
+    profiles = [folder / f'fastdds-{reach}.xml' for folder in config_folders()]
     profile = next((path for path in profiles if path.exists()), None)
     rmw = os.environ.get('RMW_IMPLEMENTATION', 'rmw_fastrtps_cpp')
     if profile is None or 'fastrtps' not in rmw:
-        return {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
-    # The profile knows the loopback interface only. LOCALHOST would replace its transports.
+        alone = reach == 'loopback'
+        return {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST' if alone else 'SUBNET'}
+    # The profile chooses the interfaces. LOCALHOST would replace its transports.
     return {
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
         **dict.fromkeys(PROFILE_VARIABLES, str(profile)),

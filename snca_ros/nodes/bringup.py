@@ -4,6 +4,7 @@ Nothing in here imports ROS.
 """
 
 import os
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -37,19 +38,19 @@ class Graph:
 
     Attributes:
         robot: the namespace.
-        simulation, voxels, recorder: its processes; recorder None if nothing is recorded.
+        simulation, voxels, recorder: its processes on this machine; simulation None if it runs on
+            another one, recorder None if nothing is recorded.
     """
 
     robot: str
-    simulation: NodeProcess
+    simulation: NodeProcess | None
     voxels: tuple[NodeProcess, ...]
     recorder: NodeProcess | None = None
 
     @property
     def processes(self) -> tuple[NodeProcess, ...]:
         """Return all processes in the order in which they should be started."""
-        first = (self.recorder,) if self.recorder else ()
-        return (*first, self.simulation, *self.voxels)
+        return tuple(p for p in (self.recorder, self.simulation, *self.voxels) if p)
 
     def parameters_yaml(self) -> str:
         """Return the params file (--params-file) of all nodes."""
@@ -62,7 +63,10 @@ class Graph:
 
 @dataclass(frozen=True)
 class WalkOptions:
-    """What a person chooses about a walk; see the help of `snca walk`."""
+    """What a person chooses about a walk; see the help of `snca walk`.
+
+    `only` chooses the voxels of this machine, as `choose_voxels` has it.
+    """
 
     robot: str = ''
     terrain: str = ''
@@ -70,6 +74,7 @@ class WalkOptions:
     duration: float = 30.0
     real_time_factor: float = 0.0
     voxels_per_process: int = 1
+    only: str = ''
     bag: str = ''
     storage: str = 'mcap'
     faults: Faults = NO_FAULTS
@@ -102,7 +107,7 @@ def describe_graph(
     robot = options.robot or robot_name(morphology)
     if not (robot.isascii() and robot.isidentifier()):
         raise InvalidInput('robot', robot, 'letters, digits and _, not starting with a digit')
-    names = morphology.voxel_names
+    names = choose_voxels(morphology, options.only)
     groups = [names[i : i + k] for i in range(0, len(names), k)]
     recorder = None
     if options.bag:
@@ -124,6 +129,31 @@ def describe_graph(
         ),
         recorder,
     )
+
+
+def choose_voxels(morphology: Morphology, only: str) -> tuple[str, ...]:
+    """Return the names of some voxels, in index order.
+
+    Args:
+        morphology: of the robot.
+        only: `K/N`, the Kth of N equal shares; or names, voxel_<x>_<y>, with commas between them;
+            or `none`; all if empty.
+
+    Raises:
+        InvalidInput: there is no such share or voxel.
+    """
+    names = morphology.voxel_names
+    if not only:
+        return names
+    if only == 'none':
+        return ()
+    if share := re.fullmatch(r'(\d{1,4})/(\d{1,4})', only, re.ASCII):
+        k, n = int(share[1]), int(share[2])
+        if not 1 <= k <= n <= len(names):
+            raise InvalidInput('only', only, f'K/N with 1 <= K <= N <= {len(names)}')
+        return names[(k - 1) * len(names) // n : k * len(names) // n]
+    chosen = {morphology.index_of(name) for name in only.split(',')}
+    return tuple(names[i] for i in sorted(chosen))
 
 
 def _simulation_parameters(

@@ -149,7 +149,7 @@ class RunningGraph:
         """End the simulation, then the voxels, then the recorder, each cleanly if it can."""
         graph = self.graph
         for group in ((graph.simulation,), graph.voxels, (graph.recorder,)):
-            self._end([self._children[p] for p in group if p in self._children])
+            self._end([self._children[p] for p in group if p and p in self._children])
         self._folder.cleanup()
 
     @staticmethod

@@ -58,6 +58,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--faults', default='', metavar='SPEC',
                         help='what goes wrong: name=value,... such as loss=0.3,death=0.5@10, '
                         'or a YAML file; see docs/robustness.md')
+    parser.add_argument('--only', default='', metavar='VOXELS',
+                        help='voxels of this machine, if `snca voxels` runs the others elsewhere: '
+                        'K/N, the Kth of N shares, or voxel_0_0,voxel_1_0,..., or none')
     parser.add_argument('--bag', type=Path, help='bag to write (default bags/<robot>-<time>)')
     parser.add_argument('--no-bag', action='store_true', help='record nothing')
     parser.add_argument('--storage', default='mcap', choices=['mcap', 'sqlite3'])
@@ -84,7 +87,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     )
     options = WalkOptions(
         robot, args.terrain, engine, args.duration, args.real_time, args.voxels_per_process,
-        bag='' if args.no_bag else str(bag), storage=args.storage, faults=faults,
+        only=args.only, bag='' if args.no_bag else str(bag), storage=args.storage, faults=faults,
     )
     code = _walk(describe_graph(path, trained, options), options, args.respawn)
     if code or args.no_bag:
@@ -118,7 +121,7 @@ def _walk(graph: Graph, options: WalkOptions, respawn: bool) -> int:
         f'/{graph.robot}: {n} voxels in {len(graph.voxels)} processes, one simulation'
         f'{", one recorder" if graph.recorder else ""}', file=sys.stderr,
     )
-    environment = graph_environment()
+    environment = graph_environment('network' if options.only else 'loopback')
     os.environ.update(environment)
     try:
         with RunningGraph(graph, environment) as running:

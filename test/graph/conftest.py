@@ -87,12 +87,12 @@ def make_controller(tmp_path):
 
 @pytest.fixture
 def start(tmp_path):
-    """Return a function that starts `python -m snca_ros ...`; all end with the test."""
+    """Return a function that starts `[prefix] python -m snca_ros ...`; all end with the test."""
     children: list[subprocess.Popen] = []
 
     def run(*arguments: object, **options) -> subprocess.Popen:
         child = subprocess.Popen(
-            [sys.executable, '-m', 'snca_ros', *map(str, arguments)],
+            [*options.pop('prefix', ()), sys.executable, '-m', 'snca_ros', *map(str, arguments)],
             cwd=options.pop('cwd', tmp_path),
             env={**os.environ, 'PYTHONPATH': str(ROOT), PARENT: str(os.getpid())},
             stdin=subprocess.DEVNULL,

@@ -1,0 +1,68 @@
+"""(ROS) The `voxels` command: some voxels of a robot, whose simulation is on another machine."""
+
+import argparse
+import os
+import signal
+import sys
+from dataclasses import replace
+
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+
+from sim_node.errors import InvalidInput
+from snca_ros.box import find_controller, graph_environment
+from snca_ros.controller_file import load_controller
+from snca_ros.nodes.bringup import Graph, WalkOptions, describe_graph
+from snca_ros.nodes.processes import RunningGraph
+
+_LOOK_PERIOD = 0.2  # seconds between looks at who has ended
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line of `voxels`."""
+    parser.add_argument('controller', help='controller file, or the name of one in the box')
+    parser.add_argument('--only', required=True, metavar='VOXELS',
+                        help='K/N, the Kth of N shares, or voxel_0_0,voxel_1_0,...')
+    parser.add_argument('--robot', default='', help='namespace (default: the shape)')
+    parser.add_argument('--voxels-per-process', type=int, default=1, metavar='K')
+
+
+def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Run voxels for one walk, until its simulation is gone; return the exit code."""
+    path = find_controller(args.controller)
+    options = WalkOptions(
+        args.robot, voxels_per_process=args.voxels_per_process, only=args.only
+    )
+    graph = replace(describe_graph(path, load_controller(path), options), simulation=None)
+    if not graph.voxels:
+        raise InvalidInput('only', args.only, 'at least one voxel')
+    names = ', '.join(name for process in graph.voxels for name in process.names)
+    print(f'/{graph.robot}: {names}', file=sys.stderr)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    environment = graph_environment('network')
+    os.environ.update(environment)
+    try:
+        with RunningGraph(graph, environment) as running:
+            return _watch(graph, running)
+    except KeyboardInterrupt:
+        return 0
+
+
+def _watch(graph: Graph, running: RunningGraph) -> int:
+    """Wait until the simulation has come and gone; 1 if a voxel ends before."""
+    simulation, seen = ('sim_node', f'/{graph.robot}'), False
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = rclpy.create_node('voxels', namespace=f'/{graph.robot}', enable_rosout=False)
+        while not (ended := running.ended()):
+            rclpy.spin_once(node, timeout_sec=_LOOK_PERIOD)
+            there = simulation in node.get_node_names_and_namespaces()
+            if seen and not there:
+                return 0
+            seen = there
+        for process in ended:
+            print(f'{" ".join(process.names)} ended with code {running.exit_code(process)}',
+                  file=sys.stderr)
+        return 1
+    finally:
+        rclpy.try_shutdown()

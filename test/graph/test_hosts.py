@@ -1,0 +1,98 @@
+"""One robot on two hosts: two network namespaces, a virtual cable between them."""
+
+import os
+import shutil
+import subprocess
+
+import pytest
+
+from snca_ros.box import PROFILE_VARIABLES
+
+
+class Cable:
+    """Two namespaces `hosts`, each with one end of a veth pair; needs root and iproute2."""
+
+    def __init__(self) -> None:
+        self.hosts = [f'snca{os.getpid()}{end}' for end in 'ab']
+        self._ends = ['end0', 'end1']
+
+    def lay(self) -> None:
+        for host in self.hosts:
+            _command('ip', 'netns', 'add', host)
+        (a, b), (end_a, end_b) = self.hosts, self._ends
+        _command('ip', 'link', 'add', end_a, 'netns', a, 'type', 'veth',
+                 'peer', 'name', end_b, 'netns', b)
+        for i, (host, end) in enumerate(zip(self.hosts, self._ends, strict=True)):
+            _command('ip', '-n', host, 'addr', 'add', f'10.71.0.{i + 1}/24', 'dev', end)
+            for link in ('lo', end):
+                _command('ip', '-n', host, 'link', 'set', link, 'up')
+
+    def remove(self) -> None:
+        for host in self.hosts:
+            subprocess.run(['ip', 'netns', 'del', host], check=False, capture_output=True)
+
+    def prefix(self, i: int) -> list[str]:
+        """Return what runs a command on host `i`."""
+        return ['ip', 'netns', 'exec', self.hosts[i]]
+
+    def lose(self, percent: int) -> None:
+        """Drop packets at random in both directions, and every multicast."""
+        for i, end in enumerate(self._ends):
+            nft = [*self.prefix(i), 'nft']
+            _command(*nft, 'add table inet cable')
+            _command(*nft, 'add chain inet cable in { type filter hook input priority 0; }')
+            on_cable = f'add rule inet cable in iifname {end}'
+            _command(*nft, f'{on_cable} numgen random mod 100 < {percent} counter drop')
+            _command(*nft, f'{on_cable} ip daddr 224.0.0.0/4 drop')
+
+    def dropped(self) -> list[int]:
+        """Return the packets that were dropped on the way to each host."""
+        texts = [_command(*self.prefix(i), 'nft', 'list', 'ruleset') for i in (0, 1)]
+        return [int(text.partition('packets ')[2].split()[0]) for text in texts]
+
+
+def _command(*words: str) -> str:
+    return subprocess.run(words, check=True, capture_output=True, text=True).stdout
+
+
+@pytest.fixture
+def cable(monkeypatch):
+    for name in PROFILE_VARIABLES:  # of the other graph tests, which know the loopback alone
+        monkeypatch.delenv(name, raising=False)
+    cable = Cable()
+    try:
+        cable.lay()
+    except (OSError, subprocess.CalledProcessError) as error:
+        cable.remove()
+        reason = getattr(error, 'stderr', '') or str(error)
+        pytest.skip(f'no network namespaces, which need root and iproute2: {reason.strip()}')
+    yield cable
+    cable.remove()
+
+
+def walk_on_two_hosts(cable, start, path):
+    """Walk 1.5 s, one voxel here, the others there; return the walk's output."""
+    there = start('voxels', path, '--only', '2/2', prefix=cable.prefix(1))
+    here = start('walk', path, '--only', '1/2', '--duration', 1.5, '--bag', 'bag',
+                 prefix=cable.prefix(0))
+    output, _ = here.communicate(timeout=120)
+    assert here.returncode == 0, output
+    told, _ = there.communicate(timeout=30)  # ends when the walk does
+    assert there.returncode == 0, told
+    assert '/robot_11_10: voxel_0_1, voxel_1_1\n' in told
+    assert '/robot_11_10: 1 voxels in 1 processes' in output
+    return output
+
+
+def test_walk_on_two_hosts_equals_the_walk_on_one(cable, start, make_controller):
+    output = walk_on_two_hosts(cable, start, make_controller('11-10'))
+    assert '91 positions of the centre, bit for bit the same' in output
+
+
+@pytest.mark.skipif(not shutil.which('nft'), reason='no nft; Debian, Ubuntu: apt install nftables')
+def test_lost_packets_are_said_again(cable, start, make_controller, monkeypatch):
+    cable.lose(5)
+    monkeypatch.setenv('ROS_STATIC_PEERS', '10.71.0.1;10.71.0.2')
+    output = walk_on_two_hosts(cable, start, make_controller('11-10'))
+    assert '91 positions of the centre, bit for bit the same' in output
+    assert min(cable.dropped()) > 10

@@ -1,0 +1,58 @@
+"""The graph of one robot described, without ROS."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_node.errors import InvalidInput
+from sim_node.morphology import parse_morphology
+from snca_ros.cell.nca import Architecture
+from snca_ros.controller_file import TrainedController
+from snca_ros.nodes.bringup import WalkOptions, choose_voxels, describe_graph
+
+BIPED = parse_morphology('biped')
+
+
+@given(st.integers(1, 10))
+def test_shares_deal_every_voxel_once(n):
+    shares = [choose_voxels(BIPED, f'{k}/{n}') for k in range(1, n + 1)]
+    assert sum(shares, ()) == BIPED.voxel_names
+    assert {len(share) for share in shares} <= {10 // n, 10 // n + 1}
+
+
+def test_named_voxels_come_in_order_and_once():
+    assert choose_voxels(BIPED, 'voxel_3_0,voxel_0_0,voxel_3_0') == ('voxel_0_0', 'voxel_3_0')
+    assert choose_voxels(BIPED, 'none') == ()
+    assert choose_voxels(BIPED, '') == BIPED.voxel_names
+
+
+@pytest.mark.parametrize('only', ['0/2', '3/2', '1/11', '1/0', '1/2/3', 'voxel_1_0', 'left', ','])
+def test_no_such_voxels(only):
+    with pytest.raises(InvalidInput, match=r'only|voxel'):
+        choose_voxels(BIPED, only)
+
+
+@given(st.text(max_size=30) | st.text('0123456789/', max_size=12))
+def test_any_text_chooses_voxels_or_is_refused(only):
+    try:
+        chosen = choose_voxels(BIPED, only)
+    except InvalidInput:
+        return
+    assert set(chosen) <= set(BIPED.voxel_names)
+
+
+def test_voxels_of_a_share_know_all_their_neighbours(tmp_path):
+    architecture = Architecture.named('U-nD', 'mlp')
+    trained = TrainedController(architecture, BIPED, np.zeros(architecture.n_parameters(10)))
+    whole = describe_graph(tmp_path, trained, WalkOptions(bag='bag'))
+    share = describe_graph(tmp_path, trained, WalkOptions(only='2/3', bag='bag'))
+    assert [p.names for p in share.voxels] == [('voxel_1_1',), ('voxel_2_1',), ('voxel_3_1',)]
+    for process in share.voxels:
+        (same,) = [p for p in whole.voxels if p.names == process.names]
+        assert process.parameters == same.parameters
+    there = replace(share, simulation=None, recorder=None)
+    assert there.processes == there.voxels
+    assert 'sim_node' not in there.parameters_yaml()
