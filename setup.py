@@ -8,13 +8,13 @@ from setuptools import find_packages, setup
 PACKAGE = 'snca_ros'
 EXECUTABLES = (
     'sim_node', 'voxel_node', 'recorder_node',
-    'evolve', 'walk', 'voxels', 'campaign', 'assess', 'report', 'render',
+    'evolve', 'walk', 'voxels', 'policy', 'campaign', 'assess', 'report', 'render',
 )
 
 ROS = ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces']
 CLUSTER = ['distributed']
 CMA = ['cma', 'threadpoolctl']
-TEST = [*CLUSTER, *CMA, 'pytest', 'hypothesis', 'ruff', 'mypy', 'types-PyYAML']
+TEST = [*CLUSTER, *CMA, 'pytest', 'hypothesis', 'ruff', 'mypy', 'types-PyYAML', 'lxml']
 
 
 def launchers() -> list[str]:

@@ -77,6 +77,7 @@ def _node(graph, process, params):
     return Node(
         package='snca_ros', executable=process.executable, namespace=f'/{graph.robot}',
         arguments=list(process.names), parameters=[str(params)], output='screen',
+        ros_arguments=['--enclave', graph.enclave(process.name)],
         on_exit=Shutdown() if needed else None,
     )
 

@@ -25,6 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 
+from sim_node import security
 from sim_node.errors import InvalidInput, near_miss
 
 try:
@@ -220,7 +221,9 @@ def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> i
     """
     stop = _Stop()
     nodes: Sequence[RosNode] = ()
+    secured = False
     try:
+        secured = security.is_requested()
         rclpy.init(args=[sys.argv[0], *argv], signal_handler_options=SignalHandlerOptions.NO)
         nodes = make_nodes()
     except InvalidInput as error:
@@ -230,7 +233,8 @@ def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> i
         if not _is_bad_arguments(error):
             raise
         reason = ' '.join(str(error).split())
-        print(f'error: ROS arguments: {reason}', file=sys.stderr)
+        text = security.explained(reason) if secured else f'ROS arguments: {reason}'
+        print(f'error: {text}', file=sys.stderr)
         return BAD_INPUT
     executor = new_executor()
     for node in nodes:

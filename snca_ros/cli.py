@@ -14,6 +14,7 @@ from snca_ros.nodes.lifeline import end_with_parent
 COMMANDS = {
     'walk': ('snca_ros.nodes.walk', 'let a trained robot walk: all its nodes, a bag, a report'),
     'voxels': ('snca_ros.nodes.voxels', 'run some voxels of a robot that walks on another machine'),
+    'policy': ('snca_ros.nodes.policy', 'write who of a robot may say and hear what, for SROS 2'),
     'evolve': ('snca_ros.evolution.evolve', 'train parameters offline'),
     'campaign': ('snca_ros.study.campaign', 'evolve and assess many runs, resumable'),
     'assess': ('snca_ros.study.assess', 'score controllers on unseen terrains, from pushed starts'),

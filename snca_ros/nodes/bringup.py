@@ -31,6 +31,11 @@ class NodeProcess:
     parameters: dict[str, dict[str, object]]
     names: tuple[str, ...] = ()
 
+    @property
+    def name(self) -> str:
+        """Return the name of its first node."""
+        return next(iter(self.parameters))
+
 
 @dataclass(frozen=True)
 class Graph:
@@ -51,6 +56,13 @@ class Graph:
     def processes(self) -> tuple[NodeProcess, ...]:
         """Return all processes in the order in which they should be started."""
         return tuple(p for p in (self.recorder, self.simulation, *self.voxels) if p)
+
+    def enclave(self, name: str) -> str:
+        """Return the SROS 2 enclave of the process whose first node is `name`.
+
+        Without security it is a name that nobody looks up.
+        """
+        return f'/{self.robot}/{name}'
 
     def parameters_yaml(self) -> str:
         """Return the params file (--params-file) of all nodes."""

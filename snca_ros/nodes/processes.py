@@ -136,9 +136,10 @@ class RunningGraph:
         arguments = [
             process.executable, *process.names,
             '--ros-args', '-r', f'__ns:=/{self.graph.robot}', '--params-file', str(self._params),
+            '--enclave', self.graph.enclave(process.name),
         ]
         if process in self.graph.voxels and _can_fork():
-            return _Fork(arguments, self._environment, process.names[0])
+            return _Fork(arguments, self._environment, process.name)
         command = [sys.executable, '-m', 'snca_ros', *arguments]
         # A session of its own: Ctrl-C reaches the walk alone, which ends the others in order.
         return subprocess.Popen(

@@ -9,6 +9,7 @@ from dataclasses import replace
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
+from sim_node import security
 from sim_node.errors import InvalidInput
 from snca_ros.box import find_controller, graph_environment
 from snca_ros.controller_file import load_controller
@@ -29,6 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Run voxels for one walk, until its simulation is gone; return the exit code."""
+    security.check_middleware()
     path = find_controller(args.controller)
     options = WalkOptions(
         args.robot, voxels_per_process=args.voxels_per_process, only=args.only
@@ -51,7 +53,8 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 def _watch(graph: Graph, running: RunningGraph) -> int:
     """Wait until the simulation has come and gone; 1 if a voxel ends before."""
     simulation, seen = ('sim_node', f'/{graph.robot}'), False
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    arguments = ['--ros-args', '--enclave', graph.enclave('voxels')]
+    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node('voxels', namespace=f'/{graph.robot}', enable_rosout=False)
         while not (ended := running.ended()):

@@ -13,6 +13,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.signals import SignalHandlerOptions
 
+from sim_node import security
 from sim_node.errors import InvalidInput
 from sim_node.morphology import parse_morphology
 from sim_node.simulation import Simulation
@@ -68,6 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Walk as the command line says; return the exit code."""
+    security.check_middleware()
     path = find_controller(args.controller)
     trained = load_controller(path)
     if not 0.0 < args.duration <= 1e5:
@@ -147,7 +149,8 @@ def _watch(graph: Graph, running: RunningGraph, options: WalkOptions, respawn: b
                 counters = {v.key: v.value for v in status.values}
                 steps[0] = int(counters.get('steps', 0))
 
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    arguments = ['--ros-args', '--enclave', graph.enclave('walk')]
+    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node('walk', namespace=f'/{graph.robot}', enable_rosout=False)
         node.create_subscription(DiagnosticArray, '/diagnostics', note, 10)
