@@ -22,8 +22,11 @@ WORLD_FRAME = 'world'
 SENSORS_TOPIC, ACTUATION_TOPIC = 'sensors', 'actuation'
 """Topics below `<voxel>/`."""
 
-QUEUE = 16
-"""Depth of the queues that voxels and simulation read from; in lock-step two would do."""
+QUEUE = 256
+"""Depth of the queues that voxels and simulation read from.
+
+In lock-step two would do; the rest is for who floods a topic, at 1 kHz a quarter of a second.
+"""
 
 HISTORY = 1000
 """Depth of what the writers keep for those who join late or read slowly."""

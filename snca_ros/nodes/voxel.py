@@ -29,10 +29,13 @@ from snca_ros.cell.cells import Cells
 from snca_ros.controller import weights_of
 from snca_ros.controller_file import load_controller
 from snca_ros.faults import FAULTS_OF_CELLS, CellFaults, Faults, VoxelFaults
+from snca_ros.nodes.pending import Pending
 from snca_ros.nodes.spikes import CellMessages, topic_name
 
 _JOIN_PAUSE = 0.05  # seconds without news after which a joining voxel has heard the newest
 _JOIN_LIMIT = 0.2  # seconds after the first news; in real time there is no pause
+_EPISODES = 16  # past ones that are remembered
+_SWEEP_PERIOD = 0.1  # seconds between looks into the mailboxes while nobody steps
 _LOOK_PERIOD = 0.001  # seconds between looks for a neighbour's message that is late, at first
 _LOOK_SELDOM = 0.05  # and at last: the neighbour may be dead
 _QUIET = 15  # steps without a message after which diagnostics name a neighbour
@@ -71,9 +74,10 @@ class VoxelNode(RosNode):
         # Neighbours' messages nearly always come before the sensors that they are awaited with.
         self._look_timer = self.create_timer(_LOOK_PERIOD, self._try_step)
         self._look_timer.cancel()
+        self.create_timer(_SWEEP_PERIOD, self._sweep)
         self._episode = b''
-        self._past: deque[bytes] = deque(maxlen=interface.QUEUE)
-        self._received = {d: {} for d in self._neighbors}  # {(episode, step): message}
+        self._past: deque[bytes] = deque(maxlen=_EPISODES)
+        self._received = {d: Pending() for d in self._neighbors}
         self._sensors_link = Link()
         self._links = {d: Link() for d in self._neighbors}
         self._restart(b'')
@@ -154,6 +158,8 @@ class VoxelNode(RosNode):
             return
         self._sensors_link.arrive(step)
         self._step, self._readings, self._since = step, readings, time.monotonic()
+        for pending in self._received.values():
+            pending.turn_to(episode, step - 1)
         if not self._joined and self._since - self._first_heard < _JOIN_LIMIT:
             self._join_timer.reset()
         self._try_step()
@@ -174,6 +180,11 @@ class VoxelNode(RosNode):
             for data in take():
                 self._note_message(direction, data)
 
+    def _sweep(self) -> None:
+        """Empty the mailboxes although nobody steps: a flood would push out what is needed."""
+        if self._joined:  # who joins does not know yet what is needed
+            self._take_messages()
+
     def _note_message(self, direction: int, data: bytes) -> None:
         try:
             episode, step, message = self._neighbor_messages[direction].decode(data)
@@ -181,12 +192,10 @@ class VoxelNode(RosNode):
         except InvalidInput as error:
             self.refuse(f'{self._neighbors[direction]}/{topic_name(self._architecture)}', error)
             return
-        box = self._received[direction]
-        box[episode, step] = message
         if episode == self._episode:
             self._links[direction].note_late(step)
-        while len(box) > interface.QUEUE:
-            del box[next(iter(box))]
+        if not self._received[direction].put(episode, step, message):
+            self.count('late or repeated messages')
         self._silent.discard(direction)
 
     def health(self) -> tuple[bytes, str]:
@@ -226,11 +235,10 @@ class VoxelNode(RosNode):
         """
         if self._step < 1 or (self._real_time and self._step >= START_STEPS):
             return []
-        now = self._episode, self._step
-        before = self._episode, self._step - 1
         return [
-            d for d, box in self._received.items()
-            if before not in box and now not in box and d not in self._silent
+            d for d, pending in self._received.items()
+            if self._step - 1 not in pending and self._step not in pending
+            and d not in self._silent
         ]
 
     def _try_step(self) -> None:
@@ -257,8 +265,8 @@ class VoxelNode(RosNode):
 
     def _collect(self) -> None:
         """Move the neighbours' messages of the step before into the inbox."""
-        for d, box in self._received.items():
-            message = box.pop((self._episode, self._step - 1), None)
+        for d, pending in self._received.items():
+            message = pending.pop(self._step - 1)
             if self._step > 0:
                 self._links[d].close_step(self._step - 1, message is not None)
             if message is None:

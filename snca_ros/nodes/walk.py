@@ -147,7 +147,8 @@ def _watch(graph: Graph, running: RunningGraph, options: WalkOptions, respawn: b
         for status in message.status:
             if status.name == name:
                 counters = {v.key: v.value for v in status.values}
-                steps[0] = int(counters.get('steps', 0))
+                if counters.get('steps', '').isdecimal():
+                    steps[0] = int(counters['steps'])
 
     arguments = ['--ros-args', '--enclave', graph.enclave('walk')]
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)

@@ -1,0 +1,44 @@
+"""A robot among hostile nodes: what is wrong is refused and counted, and no step differs."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ROOT, go, offline
+
+
+@pytest.fixture
+def attack():
+    """Return a function that starts an attacker on a robot."""
+    children = []
+
+    def run(robot):
+        attacker = Path(__file__).with_name('attacker.py')
+        children.append(subprocess.Popen(
+            [sys.executable, attacker, robot], env={**os.environ, 'PYTHONPATH': str(ROOT)},
+        ))
+        return children[-1]
+
+    yield run
+    for child in children:
+        assert child.poll() is None, 'the attacker itself has ended'
+        child.kill()
+        child.wait()
+
+
+def refused(health):
+    return {name: values.get('refused messages', 0) for name, (_, _, values) in health.items()}
+
+
+def test_no_step_differs_under_attack(walk, attack, node, spin_until, centers, health):
+    _, children, path = walk()
+    attack('/robot')
+    spin_until(lambda: sum(count > 50 for count in refused(health).values()) == len(children))
+    go(node, spin_until, centers)
+    spin_until(lambda: 600 in centers[0])
+    np.testing.assert_array_equal([centers[0][k] for k in range(601)], offline(path, 10.0))
+    assert [child.poll() for child in children.values()] == [None] * len(children)
+    assert len(centers) == 1
