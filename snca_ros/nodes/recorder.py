@@ -28,12 +28,18 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from sim_node.errors import InvalidInput
+from sim_node.interface import stream_qos
 from sim_node.ros import RosNode, run_nodes
 from snca_ros.files import RESERVE, check_new_bag, room_for
+from snca_ros.study.streams import KINDS
 
 STORAGES = {'mcap': StoragePlugin.MCAP, 'sqlite3': StoragePlugin.SQLITE3}
 GLOBAL_TOPICS = ('/clock', '/diagnostics', '/rosout')
 
+_TYPES = {
+    **{kind: reader.type for kind, reader in KINDS.items()},
+    'markers': 'visualization_msgs/msg/MarkerArray',
+}
 _QUEUE = 20_000  # messages of one topic that may wait while the disk is slow
 _LOOK_PERIOD = 0.1  # seconds between looks for new topics, while a graph comes up
 _LOOK_SELDOM = 1.0  # and once nothing new has come for a while
@@ -75,13 +81,16 @@ class RecorderNode(RosNode):
         for topic, types in self.get_topic_names_and_types():
             mine = topic.startswith(prefix) or topic in GLOBAL_TOPICS
             if mine and topic not in self._topics:
-                self._record(topic, types[0])
+                self._record(topic, _own_type(topic) or types[0])
                 self._newest_topic = time.monotonic()
         settled = self._topics and time.monotonic() - self._newest_topic > _SETTLED
         self._look_timer.timer_period_ns = int((_LOOK_SELDOM if settled else _LOOK_PERIOD) * 1e9)
 
     def _record(self, topic: str, message_type: str) -> None:
-        publishers = self.get_publishers_info_by_topic(topic)
+        publishers = [
+            publisher for publisher in self.get_publishers_info_by_topic(topic)
+            if publisher.topic_type == message_type
+        ]
         if not publishers:
             return
         self._topics.add(topic)
@@ -94,18 +103,7 @@ class RecorderNode(RosNode):
             topic, message_type, typestore=self._types,
             offered_qos_profiles=[_offered_qos(publisher) for publisher in publishers],
         )
-        seen = [publisher.qos_profile for publisher in publishers]
-        reliable = all(q.reliability == ReliabilityPolicy.RELIABLE for q in seen)
-        latched = all(q.durability == DurabilityPolicy.TRANSIENT_LOCAL for q in seen)
-        qos = QoSProfile(
-            depth=_QUEUE,
-            reliability=(
-                ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
-            ),
-            durability=(
-                DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
-            ),
-        )
+        qos = stream_qos(_QUEUE) if _own_type(topic) else _accepting_all(publishers)
         self.create_subscription(
             message_class, topic, partial(self._write, connection), qos, raw=True
         )
@@ -159,6 +157,28 @@ def flush(writer: Writer) -> None:
     elif storage.chunk.bio.tell():
         storage.close_chunk()
         storage.bio.flush()
+
+
+def _own_type(topic: str) -> str | None:
+    """Return the type of what the robot itself says on a topic; None if the topic is not its own.
+
+    Such a topic is recorded as the robot offers it, whatever others say on it, or how.
+    """
+    return _TYPES.get(topic.rpartition('/')[2])
+
+
+def _accepting_all(publishers: list[TopicEndpointInfo]) -> QoSProfile:
+    """Return the QoS of a subscription that hears all of these publishers."""
+    seen = [publisher.qos_profile for publisher in publishers]
+    reliable = all(q.reliability == ReliabilityPolicy.RELIABLE for q in seen)
+    latched = all(q.durability == DurabilityPolicy.TRANSIENT_LOCAL for q in seen)
+    return QoSProfile(
+        depth=_QUEUE,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=(
+            DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+        ),
+    )
 
 
 def _message_class(name: str) -> type:

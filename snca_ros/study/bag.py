@@ -26,11 +26,14 @@ class TopicCount:
         received: messages in the bag; of a stamped topic, control steps of the episode.
         missing: control steps that were sent and are not in the bag; None if the topic carries
             no control step, so that nobody can tell.
+        refused: messages of the bag that are not what this topic carries, or are stamped later
+            than the robot went; they are in no array.
     """
 
     topic: str
     received: int
     missing: np.ndarray | None = None
+    refused: int = 0
 
     @property
     def kind(self) -> str:
@@ -110,6 +113,8 @@ def read_bag(path: Path | str, episode: int = -1) -> Recording:
         robot = _robot(topics)
         kinds = _stamped_kinds(topics, robot)
         streams = {name: decode(name, topics[name], kind) for name, kind in kinds.items()}
+        walked = int(streams[f'/{robot}/odometry'].steps.max(initial=0))
+        streams = {name: stream.until(walked) for name, stream in streams.items()}
         episode, n_episodes, streams = _one_episode(streams, f'/{robot}/odometry', episode)
         health = read_health(topics, robot)
         for name in _absent_topics(robot, streams, health):
@@ -244,7 +249,7 @@ def _counts(
         if name in streams:
             steps = streams[name].steps
             missing = np.setdiff1d(np.arange(n_steps - 1), steps)
-            counts.append(TopicCount(name, len(steps), missing))
+            counts.append(TopicCount(name, len(steps), missing, streams[name].refused))
         else:
             counts.append(TopicCount(name, len(topics[name].messages)))
     return tuple(counts)

@@ -74,6 +74,7 @@ def as_dict(recording: Recording, gait: Gait) -> dict[str, object]:
                 'sent': None if count.missing is None else count.sent,
                 'received': count.received,
                 'lost': None if count.missing is None else count.lost,
+                'refused': count.refused,
             }
             for count in recording.counts
         },
@@ -167,6 +168,8 @@ def _count_lines(recording: Recording) -> list[str]:
     for count in numbered:
         if count.missing is not None and count.lost:
             lines.append(f'lost on {count.topic}: {_steps(count.missing)}')
+        if count.refused:
+            lines.append(f'refused on {count.topic}: {count.refused} that no node uses')
     if others:
         shown = ', '.join(f'{c.topic} {c.received}' for c in others)
         lines.append(f'without control step, so nobody can tell: {shown}')

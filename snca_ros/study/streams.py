@@ -1,6 +1,7 @@
 """The stamped topics of a bag as numbers over control steps, cut into episodes."""
 
 import functools
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -23,11 +24,13 @@ class Stream:
         steps: (n,) control steps from their stamps, in the order of their arrival.
         times: (n,) wall time of their arrival [ns].
         numbers: (n, ...) what they say.
+        refused: messages besides that are not what they should be; the nodes did not use them.
     """
 
     steps: np.ndarray
     times: np.ndarray
     numbers: np.ndarray
+    refused: int = 0
 
     @classmethod
     def empty(cls, kind: 'Kind') -> 'Stream':
@@ -55,7 +58,17 @@ class Stream:
         of_message = np.repeat(np.searchsorted(resets, self.times[starts]), lengths)
         mine = np.flatnonzero(of_message == number)
         steps, first = np.unique(self.steps[mine], return_index=True)
-        return Stream(steps, self.times[mine[first]], self.numbers[mine[first]])
+        return Stream(
+            steps, self.times[mine[first]], self.numbers[mine[first]], self.refused
+        )
+
+    def until(self, step: int) -> 'Stream':
+        """Return the messages up to a step; to refuse what is stamped later."""
+        kept = self.steps <= step
+        return Stream(
+            self.steps[kept], self.times[kept], self.numbers[kept],
+            self.refused + int((~kept).sum()),
+        )
 
 
 @dataclass(frozen=True)
@@ -65,6 +78,7 @@ class Kind:
     type: str
     read: Callable[[Any], object]
     shape: tuple[int, ...]  # of the numbers; -1: any, but the same in all messages
+    of_voxel: bool = True  # its frame is the voxel's
 
 
 def decode(name: str, topic: Topic, kind: str) -> Stream:
@@ -74,28 +88,50 @@ def decode(name: str, topic: Topic, kind: str) -> Stream:
         kind: one of `KINDS`.
 
     Raises:
-        InvalidInput: its type, a stamp or a number is not what it should be.
+        InvalidInput: its type is not what it should be, or none of its messages is.
     """
     expected = KINDS[kind]
     if topic.type != expected.type:
         raise InvalidInput(f'type of {name}', topic.type, expected.type)
-    steps, numbers = [], []
-    try:
-        for data in topic.messages:
-            message = _types().deserialize_cdr(data, topic.type)
-            stamp = message.clock if kind == 'clock' else message.header.stamp
-            steps.append(step_of_stamp(stamp.sec, stamp.nanosec))
-            numbers.append(expected.read(message))
-        shape = expected.shape if numbers else np.maximum(expected.shape, 0)
-        array = np.array(numbers).reshape(len(numbers), *shape)
-    except InvalidInput as error:
-        raise error.found_in(name) from None
-    except Exception as error:  # what rosbags and numpy say about bytes of another layout
-        reason = ' '.join(str(error).split())
-        raise InvalidInput(name, reason, f'{topic.type} of shape {expected.shape}') from None
-    if not np.isfinite(array).all():
-        raise InvalidInput(name, 'a number that is not finite', 'finite numbers')
-    return Stream(np.array(steps, dtype=np.int64), topic.times, array)
+    found: list[tuple[int, int, np.ndarray]] = []
+    reason: Exception | None = None
+    for time, data in zip(topic.times.tolist(), topic.messages, strict=True):
+        try:
+            step, numbers = _read(name, expected, data)
+        except Exception as error:  # whatever rosbags and numpy say about bytes of another layout
+            reason = error
+        else:
+            found.append((step, time, numbers))
+    if not found and reason is not None:
+        text = ' '.join(str(reason).split())
+        raise InvalidInput(name, text, f'{topic.type} of shape {expected.shape}')
+    shapes = Counter(numbers.shape for _, _, numbers in found)
+    shape = shapes.most_common(1)[0][0] if shapes else tuple(np.maximum(expected.shape, 0))
+    good = [entry for entry in found if entry[2].shape == shape]
+    return Stream(
+        np.array([step for step, _, _ in good], dtype=np.int64),
+        np.array([time for _, time, _ in good], dtype=np.int64),
+        np.array([numbers for _, _, numbers in good]).reshape(len(good), *shape),
+        len(topic.messages) - len(good),
+    )
+
+
+def _read(name: str, kind: Kind, data: bytes) -> tuple[int, np.ndarray]:
+    """Return step and numbers of a message; some exception if it is not what it should be."""
+    message = _types().deserialize_cdr(data, kind.type)
+    stamp = message.clock if kind is KINDS['clock'] else message.header.stamp
+    voxel = name.split('/')[-2]
+    if kind.of_voxel and message.header.frame_id.partition('@')[0] != voxel:
+        raise InvalidInput('frame_id', message.header.frame_id, voxel)
+    numbers = np.array(kind.read(message))
+    fits = len(numbers.shape) == len(kind.shape) and all(
+        want in (-1, have) for want, have in zip(kind.shape, numbers.shape, strict=True)
+    )
+    if not fits:
+        raise InvalidInput('shape', numbers.shape, str(kind.shape))
+    if not np.isfinite(numbers).all():
+        raise InvalidInput('numbers', 'one that is not finite', 'finite numbers')
+    return step_of_stamp(stamp.sec, stamp.nanosec), numbers
 
 
 @functools.cache
@@ -119,9 +155,10 @@ def _pixels(message, encoding: str, dtype: type) -> np.ndarray:
 
 KINDS = {
     'odometry': Kind(
-        'nav_msgs/msg/Odometry', lambda m: (m.pose.pose.position.x, m.pose.pose.position.z), (2,)
+        'nav_msgs/msg/Odometry', lambda m: (m.pose.pose.position.x, m.pose.pose.position.z), (2,),
+        of_voxel=False,
     ),
-    'clock': Kind('rosgraph_msgs/msg/Clock', lambda m: (), (0,)),
+    'clock': Kind('rosgraph_msgs/msg/Clock', lambda m: (), (0,), of_voxel=False),
     'sensors': Kind('sensor_msgs/msg/JointState', lambda m: m.position, (N_SENSORS,)),
     'actuation': Kind('sensor_msgs/msg/JointState', lambda m: m.position, (1,)),
     'spikes': Kind('sensor_msgs/msg/Image', _spikes, (-1, SNN_STEPS)),

@@ -42,3 +42,13 @@ def test_no_step_differs_under_attack(walk, attack, node, spin_until, centers, h
     np.testing.assert_array_equal([centers[0][k] for k in range(601)], offline(path, 10.0))
     assert [child.poll() for child in children.values()] == [None] * len(children)
     assert len(centers) == 1
+
+
+def test_walk_recorded_under_attack_equals_its_offline_twin(start, attack, make_controller):
+    attack('/robot')
+    child = start('walk', make_controller('11-10'), '--robot', 'robot', '--duration', 3,
+                  '--bag', 'bag')
+    output, _ = child.communicate(timeout=120)
+    assert child.returncode == 0, output
+    assert '181 positions of the centre, bit for bit the same' in output
+    assert 'Traceback' not in output

@@ -337,29 +337,48 @@ FOREIGN = {
         [('/biped/odometry', odometry(0, np.zeros(2))), (voxel('spikes'), clock(3))],
         'rosgraph_msgs/msg/Clock',
     ),
-    'stamp': ([('/biped/odometry', bad_stamp())], 'stamp'),
-    'far stamp': ([('/clock', clock(60 * 10**9))], 'most of the steps'),
-    'not finite': ([('/biped/odometry', odometry(3, np.full(2, np.nan)))], 'finite'),
-    'readings': ([(voxel('sensors'), joint_state(3, '', 'ab', np.zeros(2)))], 'shape (4,)'),
-    'no readings': ([(voxel('sensors'), joint_state(3, '', '', np.zeros(0)))], 'shape (4,)'),
-    'pixel': ([(voxel('spikes'), image(3, '', 'mono8', SPIKES + 7))], '0 or 255'),
-    'encoding': ([(voxel('spikes'), image(3, '', 'rgb8', SPIKES))], 'mono8'),
-    'width': ([(voxel('spikes'), image(3, '', 'mono8', SPIKES[:, :8]))], 'Image'),
-    'channels': ([(voxel('spikes'), image(3, '', 'mono8', SPIKES[:3]))], 'Image'),
     'values, too': ([(voxel('values'), image(3, '', '64FC1', np.zeros((4, 1))))], 'one of both'),
+}
+WRONG = {
+    'stamp': ('/biped/odometry', bad_stamp()),
+    'far stamp': ('/clock', clock(60 * 10**9)),
+    'not finite': ('/biped/odometry', odometry(3, np.full(2, np.nan))),
+    'readings': (voxel('sensors'), joint_state(3, 'voxel_0_0', 'ab', np.zeros(2))),
+    'no readings': (voxel('sensors'), joint_state(3, 'voxel_0_0', '', np.zeros(0))),
+    'pixel': (voxel('spikes'), image(3, 'voxel_0_0', 'mono8', SPIKES + 7)),
+    'encoding': (voxel('spikes'), image(3, 'voxel_0_0', 'rgb8', SPIKES)),
+    'width': (voxel('spikes'), image(3, 'voxel_0_0', 'mono8', SPIKES[:, :8])),
+    'channels': (voxel('spikes'), image(3, 'voxel_0_0', 'mono8', SPIKES[:3])),
+    'frame': (voxel('spikes'), image(3, 'voxel_0_1', 'mono8', SPIKES)),
 }
 
 
 @pytest.mark.parametrize('case', FOREIGN)
-def test_foreign_messages_are_refused(tmp_path, case):
+def test_bags_of_something_else_are_refused(tmp_path, case):
     messages, reason = FOREIGN[case]
     alone = case in ('no odometry', 'two robots', 'no voxels', 'type')
     start = [] if alone else messages_of_walk(make_walk(3))[:3]
     assert reason in refused(write_messages(tmp_path / 'bag', [*start, messages]))
 
 
+@pytest.mark.parametrize('case', WRONG)
+def test_wrong_messages_among_right_ones_are_counted(tmp_path, case):
+    """Whoever is on the network can say them; the nodes do not use them, nor does the report."""
+    walk = make_walk(5)
+    right = messages_of_walk(walk)
+    middle = len(right) // 2
+    bag = read_bag(write_messages(
+        tmp_path / 'bag', [*right[:middle], [WRONG[case]], *right[middle:]]
+    ))
+    np.testing.assert_array_equal(bag.centers, walk.centers)
+    np.testing.assert_array_equal(bag.readings[:5], walk.readings)
+    np.testing.assert_array_equal(bag.actuation[:5], walk.actuation)
+    assert {c.topic: c.refused for c in bag.counts if c.refused} == {WRONG[case][0]: 1}
+    assert sum(c.lost for c in bag.counts) == 0
+
+
 def test_channels_differ_between_voxels(tmp_path):
-    odd = [(voxel('spikes'), image(k, '', 'mono8', SPIKES[:3])) for k in range(3)]
+    odd = [(voxel('spikes'), image(k, 'voxel_0_0', 'mono8', SPIKES[:3])) for k in range(3)]
     messages = [
         [m for m in step if m[0] != voxel('spikes')] + [odd[k]]
         for k, step in enumerate(messages_of_walk(make_walk(3))[:3])

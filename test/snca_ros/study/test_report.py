@@ -77,8 +77,12 @@ def test_json_and_figure_where_one_wants_them(bag, tmp_path):
     gait = measure_gait(read_bag(bag))
     assert told['v_x'] == gait.velocity
     assert told['voxels']['voxel_1_0']['frequency'] == gait.frequencies[1]
-    assert told['topics']['/biped/voxel_1_0/spikes'] == {'sent': 30, 'received': 28, 'lost': 2}
-    assert told['topics']['/biped/markers'] == {'sent': None, 'received': 16, 'lost': None}
+    assert told['topics']['/biped/voxel_1_0/spikes'] == {
+        'sent': 30, 'received': 28, 'lost': 2, 'refused': 0
+    }
+    assert told['topics']['/biped/markers'] == {
+        'sent': None, 'received': 16, 'lost': None, 'refused': 0
+    }
     assert not (bag / 'report.png').exists()
 
 
