@@ -58,7 +58,7 @@ def access_of_nodes(graph: Graph, messages: str) -> dict[str, Access]:
         heard = tuple(f'{neighbor}/{messages}' for neighbor in neighbors)
         access[voxel] = Access(
             (f'{voxel}/{ACTUATION_TOPIC}', f'{voxel}/{messages}'),
-            (f'{voxel}/{SENSORS_TOPIC}', *heard),
+            (f'{voxel}/{SENSORS_TOPIC}', f'{voxel}/{ACTUATION_TOPIC}', *heard),
         )
     return access
 

@@ -29,6 +29,7 @@ from snca_ros.cell.cells import Cells
 from snca_ros.controller import weights_of
 from snca_ros.controller_file import load_controller
 from snca_ros.faults import FAULTS_OF_CELLS, CellFaults, Faults, VoxelFaults
+from snca_ros.nodes.double import Double
 from snca_ros.nodes.pending import Pending
 from snca_ros.nodes.spikes import CellMessages, topic_name
 
@@ -69,17 +70,18 @@ class VoxelNode(RosNode):
         self._neighbors = {d: n for d, n in enumerate(names) if n}
         self._load(path, faults)
         self._make_topics()
-        self._joined = False
+        self._joined = self._held_back = False
+        self._double = Double(self, self._voxel)
         self._join_timer = self.create_timer(_JOIN_PAUSE, self._join)
         # Neighbours' messages nearly always come before the sensors that they are awaited with.
         self._look_timer = self.create_timer(_LOOK_PERIOD, self._try_step)
         self._look_timer.cancel()
-        self.create_timer(_SWEEP_PERIOD, self._sweep)
+        # Nobody may step for long: a flood would push out of the mailboxes what is needed then.
+        self.create_timer(_SWEEP_PERIOD, lambda: self._joined and self._take_messages())
         self._episode = b''
         self._past: deque[bytes] = deque(maxlen=_EPISODES)
         self._received = {d: Pending() for d in self._neighbors}
-        self._sensors_link = Link()
-        self._links = {d: Link() for d in self._neighbors}
+        self._sensors_link, self._links = Link(), {d: Link() for d in self._neighbors}
         self._restart(b'')
 
     def _load(self, path: str, faults: dict) -> None:
@@ -170,20 +172,17 @@ class VoxelNode(RosNode):
         A node that joins late is first told the steps that others have made long ago; to answer
         those would take its neighbours back with it.
         """
-        if self._readings is not None:
+        self._held_back = self._readings is not None and self._double.answers(self._episode)
+        if self._readings is not None and not self._held_back:
             self._joined = True
             self._join_timer.cancel()
+            self._double.close()
             self._try_step()
 
     def _take_messages(self) -> None:
         for direction, take in self._mailboxes.items():
             for data in take():
                 self._note_message(direction, data)
-
-    def _sweep(self) -> None:
-        """Empty the mailboxes although nobody steps: a flood would push out what is needed."""
-        if self._joined:  # who joins does not know yet what is needed
-            self._take_messages()
 
     def _note_message(self, direction: int, data: bytes) -> None:
         try:
@@ -200,6 +199,8 @@ class VoxelNode(RosNode):
 
     def health(self) -> tuple[bytes, str]:
         """Return the state for /diagnostics: the step, and whom it waits for."""
+        if self._held_back:
+            return DiagnosticStatus.WARN, 'held back: another node answers for this voxel'
         if self._step < 0:
             return DiagnosticStatus.OK, 'no sensors yet'
         quiet = [
@@ -236,9 +237,8 @@ class VoxelNode(RosNode):
         if self._step < 1 or (self._real_time and self._step >= START_STEPS):
             return []
         return [
-            d for d, pending in self._received.items()
-            if self._step - 1 not in pending and self._step not in pending
-            and d not in self._silent
+            d for d, said in self._received.items()
+            if self._step - 1 not in said and self._step not in said and d not in self._silent
         ]
 
     def _try_step(self) -> None:

@@ -37,7 +37,10 @@ def used(node, name):
     }
     if (name, '/robot') not in node.get_node_names_and_namespaces():
         return {}
-    return {(name, verb): {topic for topic, _ in of(name, '/robot')} for verb, of in ask.items()}
+    access = {(name, verb): {t for t, _ in of(name, '/robot')} for verb, of in ask.items()}
+    if name.startswith('voxel'):  # listens for a double of its own until it takes part
+        access[name, 'subscribe'].add(f'/robot/{name}/actuation')
+    return access
 
 
 def test_policy_allows_what_nodes_do_and_no_more(make_controller, node, spin_until, tmp_path):
@@ -74,7 +77,9 @@ def test_every_voxel_has_an_enclave_and_hears_its_neighbours_alone(start, make_c
     nodes = ['recorder_node', 'sim_node', 'voxel_0_0', 'voxel_1_0', 'voxel_2_0', 'walk', 'voxels']
     assert [e.get('path') for e in policy.iter('enclave')] == [f'/trio/{name}' for name in nodes]
     access = allowed(policy)
-    assert access['voxel_0_0', 'subscribe'] == {'/trio/voxel_0_0/sensors', '/trio/voxel_1_0/spikes'}
+    assert access['voxel_0_0', 'subscribe'] == {
+        '/trio/voxel_0_0/sensors', '/trio/voxel_0_0/actuation', '/trio/voxel_1_0/spikes'
+    }
     assert access['voxel_2_0', 'publish'] == {
         '/trio/voxel_2_0/actuation', '/trio/voxel_2_0/spikes',
         '/rosout', '/diagnostics', '/parameter_events',
