@@ -13,7 +13,7 @@ from sim_node import security
 from sim_node.errors import InvalidInput
 from snca_ros.box import find_controller, graph_environment
 from snca_ros.controller_file import load_controller
-from snca_ros.nodes.bringup import Graph, WalkOptions, describe_graph
+from snca_ros.nodes.bringup import Graph, NodeProcess, WalkOptions, describe_graph
 from snca_ros.nodes.processes import RunningGraph
 
 _LOOK_PERIOD = 0.2  # seconds between looks at who has ended
@@ -24,6 +24,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('controller', help='controller file, or the name of one in the box')
     parser.add_argument('--only', required=True, metavar='VOXELS',
                         help='K/N, the Kth of N shares, or voxel_0_0,voxel_1_0,...')
+    parser.add_argument('--real-time', action='store_true',
+                        help='as the walk: never wait for a neighbour')
+    parser.add_argument('--respawn', action='store_true',
+                        help='start voxels again that were killed')
     parser.add_argument('--robot', default='', help='namespace (default: the shape)')
     parser.add_argument('--voxels-per-process', type=int, default=1, metavar='K')
 
@@ -33,7 +37,8 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     security.check_middleware()
     path = find_controller(args.controller)
     options = WalkOptions(
-        args.robot, voxels_per_process=args.voxels_per_process, only=args.only
+        args.robot, real_time_factor=float(args.real_time),
+        voxels_per_process=args.voxels_per_process, only=args.only
     )
     graph = replace(describe_graph(path, load_controller(path), options), simulation=None)
     if not graph.voxels:
@@ -45,27 +50,34 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     os.environ.update(environment)
     try:
         with RunningGraph(graph, environment) as running:
-            return _watch(graph, running)
+            return _watch(graph, running, args.respawn)
     except KeyboardInterrupt:
         return 0
 
 
-def _watch(graph: Graph, running: RunningGraph) -> int:
-    """Wait until the simulation has come and gone; 1 if a voxel ends before."""
+def _watch(graph: Graph, running: RunningGraph, respawn: bool) -> int:
+    """Wait until the simulation has come and gone, or all voxels have ended; 1 if one has."""
     simulation, seen = ('sim_node', f'/{graph.robot}'), False
+    given_up: set[NodeProcess] = set()
     arguments = ['--ros-args', '--enclave', graph.enclave('voxels')]
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node('voxels', namespace=f'/{graph.robot}', enable_rosout=False)
-        while not (ended := running.ended()):
+        while len(given_up) < len(graph.voxels):
             rclpy.spin_once(node, timeout_sec=_LOOK_PERIOD)
             there = simulation in node.get_node_names_and_namespaces()
             if seen and not there:
-                return 0
+                break
             seen = there
-        for process in ended:
-            print(f'{" ".join(process.names)} ended with code {running.exit_code(process)}',
-                  file=sys.stderr)
-        return 1
+            for process in {*running.ended()} - given_up:
+                code = running.exit_code(process)
+                said = f'{" ".join(process.names)} ended with code {code}'
+                if respawn and code is not None and code < 0:  # a signal's doing
+                    print(f'{said}: started again', file=sys.stderr)
+                    running.start_again(process)
+                else:
+                    print(said, file=sys.stderr)
+                    given_up.add(process)
+        return 1 if given_up else 0
     finally:
         rclpy.try_shutdown()

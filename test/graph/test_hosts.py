@@ -1,12 +1,15 @@
 """One robot on two hosts: two network namespaces, a virtual cable between them."""
 
 import os
+import re
 import shutil
 import subprocess
 
 import pytest
+from test_walk import TICK, wait_for
 
 from snca_ros.box import PROFILE_VARIABLES
+from snca_ros.study.bag import read_bag
 
 
 class Cable:
@@ -44,6 +47,14 @@ class Cable:
             on_cable = f'add rule inet cable in iifname {end}'
             _command(*nft, f'{on_cable} numgen random mod 100 < {percent} counter drop')
             _command(*nft, f'{on_cable} ip daddr 224.0.0.0/4 drop')
+
+    def cut(self) -> None:
+        """Take the cable out of one of its ends."""
+        _command('ip', '-n', self.hosts[1], 'link', 'set', self._ends[1], 'down')
+
+    def mend(self) -> None:
+        """Put it in again."""
+        _command('ip', '-n', self.hosts[1], 'link', 'set', self._ends[1], 'up')
 
     def dropped(self) -> list[int]:
         """Return the packets that were dropped on the way to each host."""
@@ -96,3 +107,28 @@ def test_lost_packets_are_said_again(cable, start, make_controller, monkeypatch)
     output = walk_on_two_hosts(cable, start, make_controller('11-10'))
     assert '91 positions of the centre, bit for bit the same' in output
     assert min(cable.dropped()) > 10
+
+
+def test_walk_in_real_time_survives_a_cut_cable(cable, start, make_controller, tmp_path):
+    path = make_controller('11-10')
+    there = start('voxels', path, '--only', '2/2', '--real-time', prefix=cable.prefix(1))
+    here = start('walk', path, '--only', '1/2', '--real-time', '--duration', 8, '--bag', 'bag',
+                 prefix=cable.prefix(0))
+    bag = tmp_path / 'bag' / 'bag.mcap'
+    wait_for(lambda: bag.exists() and bag.stat().st_size > 100_000)  # it walks
+    cable.cut()
+    TICK.wait(2.0)
+    cable.mend()
+    output, _ = here.communicate(timeout=60)
+    assert here.returncode == 0, output
+    told, _ = there.communicate(timeout=60)
+    assert there.returncode == 0, told
+    for voxel in ('voxel_0_1', 'voxel_1_1'):
+        assert re.search(rf'limp, silent for .*{voxel}', output)
+        assert f'{voxel} answers again' in output
+    recording = read_bag(tmp_path / 'bag')
+    assert recording.n_steps == 481
+    on_time, late, lost = recording.health['sim_node'].links['voxel_0_1/actuation']
+    assert on_time + late + lost == 480
+    assert late + lost > 60  # of the 120 steps of two seconds
+    assert on_time > 200
