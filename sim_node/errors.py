@@ -1,6 +1,11 @@
 """The one exception that says a person's input cannot be used."""
 
 import difflib
+import reprlib
+
+_SHORT = reprlib.Repr()  # a few lines of YAML can name each other into a text of any length
+_SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxdict = 4, 20, 20
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 80
 
 
 class InvalidInput(ValueError):
@@ -11,7 +16,7 @@ class InvalidInput(ValueError):
     """
 
     def __init__(self, field: str, value: object, expected: str, source: str = '') -> None:
-        shown = repr(value)
+        shown = _SHORT.repr(value) if isinstance(value, (list, dict)) else repr(value)
         if len(shown) > 80:
             shown = shown[:77] + '...'
         where = f'{source}: {field}' if source else field

@@ -745,6 +745,23 @@ def test_any_text_as_config_is_refused(tmp_path_factory, text):
         RunConfig.from_yaml(path)
 
 
+@pytest.mark.parametrize('key', ['shape', 'terrain', 'seed', 'architecture', 'material', 'other'])
+def test_text_that_grows_without_end_is_refused_shortly(tmp_path, key):
+    """Each line names the one before ten times: 10^30 words."""
+    lines = ['a0: &a0 [x, x]']
+    lines += [f'a{n}: &a{n} [{", ".join([f"*a{n - 1}"] * 10)}]' for n in range(1, 30)]
+    grown = '\n'.join('  ' + line for line in lines)
+    path = tmp_path / 'config.yaml'
+    path.write_text(f'{key}:\n{grown}\n')
+    with pytest.raises(InvalidInput, match=r'config\.yaml: ') as refusal:
+        RunConfig.from_yaml(path)
+    assert len(str(refusal.value)) < 1000
+    values = yaml.safe_load(path.read_text())
+    with pytest.raises(InvalidInput) as refusal:
+        RunConfig.from_dict({**GOOD, **values})
+    assert len(str(refusal.value)) < 1000
+
+
 def test_config_goes_both_ways(tmp_path):
     path = tmp_path / 'config.yaml'
     for shape, model in (('biped', 'snn'), ('11111', 'mlp'), ('1001-1111', 'snn-h')):
