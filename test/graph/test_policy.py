@@ -96,15 +96,13 @@ def test_processes_of_several_voxels_share_an_enclave(start, make_controller):
     assert profiles['/robot_111/voxel_2_0'] == ['voxel_2_0']
 
 
-@pytest.mark.parametrize('arguments', [
-    ['walk'], ['voxels', 'biped-U-nD-snn-h', '--only', '1/2'], ['sim_node'],
-])
-def test_security_that_cannot_be_had_is_refused(start, tmp_path, monkeypatch, arguments):
+@pytest.mark.parametrize('command', ['walk', 'sim_node'])
+def test_security_that_cannot_be_had_is_refused(start, tmp_path, monkeypatch, command):
     (tmp_path / 'enclaves').mkdir()
     monkeypatch.setenv(security.ENABLE, 'true')
     monkeypatch.setenv(security.STRATEGY, 'Enforce')
     monkeypatch.setenv(security.KEYSTORE, str(tmp_path))
-    child = start(*arguments)
+    child = start(command)
     output, _ = child.communicate(timeout=60)
     assert child.returncode == 2, output
     assert 'Traceback' not in output
@@ -112,18 +110,11 @@ def test_security_that_cannot_be_had_is_refused(start, tmp_path, monkeypatch, ar
     assert 'walked' not in output
 
 
-@pytest.mark.parametrize(('variables', 'expected'), [
-    ({security.ENABLE: '1'}, security.ENABLE),
-    ({security.ENABLE: 'true'}, security.STRATEGY),
-    ({security.ENABLE: 'true', security.STRATEGY: 'Enforce'}, security.KEYSTORE),
-])
-def test_half_asked_for_is_refused(start, monkeypatch, variables, expected):
-    for name, value in variables.items():
-        monkeypatch.setenv(name, value)
+def test_keystore_that_is_missing_is_named(start, monkeypatch):
+    monkeypatch.setenv(security.ENABLE, 'true')
+    monkeypatch.setenv(security.STRATEGY, 'Enforce')
     child = start('sim_node')
     output, _ = child.communicate(timeout=60)
     assert child.returncode == 2, output
-    (line,) = [line for line in output.splitlines() if 'error' in line]
-    assert expected in line
-
-
+    (line,) = [line for line in output.splitlines() if 'error: ' in line]
+    assert security.KEYSTORE in line
