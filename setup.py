@@ -57,7 +57,8 @@ setup(
     ],
     python_requires='>=3.10',
     install_requires=[
-        'numpy', 'numba', 'pymunk>=7,<8', 'rosbags>=0.11', 'pyyaml', 'matplotlib', 'pillow',
+        'numpy', 'numba', 'pymunk>=7,<8', 'rosbags>=0.11', 'pyyaml', 'scipy', 'matplotlib',
+        'pillow',
     ],
     extras_require={'ros': ROS, 'test': TEST, 'cluster': CLUSTER, 'cma': CMA},
     entry_points={'console_scripts': ['snca = snca_ros.cli:main']},
