@@ -18,6 +18,7 @@ COMMANDS = {
     'evolve': ('snca_ros.evolution.evolve', 'train parameters offline'),
     'campaign': ('snca_ros.study.campaign', 'evolve and assess many runs, resumable'),
     'assess': ('snca_ros.study.assess', 'score controllers on unseen terrains, from pushed starts'),
+    'study': ('snca_ros.study.study', 'statistics and figures of campaigns, on one page'),
     'report': ('snca_ros.study.report', 'read a bag back: v_x, firing rates, lost messages'),
     'render': ('snca_ros.study.render', 'draw a walking controller as GIF or PNG, offline'),
 }

@@ -31,6 +31,9 @@ COLUMNS = (
 )
 """Of results.csv; speeds are [m/s] of the best controller, the frequency [Hz] of its actuation."""
 
+CURVE_COLUMNS = ('evaluations', 'best_so_far')
+"""Of a history: where the best v_x [m/s] so far rises, and the last generation."""
+
 _TEXTS = ('run', 'shape', 'architecture', 'neuron_model', 'as_printed', 'engine', 'chosen_by')
 
 
@@ -91,7 +94,7 @@ def _frequency(trial: Trial) -> float:
 
 def _curve(progress: Progress) -> str:
     """Return the generations in which the best so far rises, and the last, as CSV."""
-    lines = ['evaluations,best_so_far']
+    lines = [','.join(CURVE_COLUMNS)]
     last = -np.inf
     for _, evaluations, *_, best_so_far in progress.history:
         if best_so_far > last or evaluations == progress.evaluations:
@@ -182,3 +185,22 @@ def _check_row(cells: list[str], seen: set[str], where: str) -> None:
             _ = column in _TEXTS or kind(cell)
         except ValueError:
             raise InvalidInput(column, cell, 'a number', where) from None
+
+
+def read_curve(path: Path) -> np.ndarray:
+    """Return a history, (n_points, 2): evaluations and best v_x [m/s] so far.
+
+    Raises:
+        InvalidInput: it cannot be read or is damaged.
+    """
+    try:
+        with path.open(newline='') as file:
+            header, *rows = csv.reader(file, strict=True)
+        points = np.array(rows, dtype=float)
+    except (OSError, ValueError, csv.Error) as error:
+        raise InvalidInput('file', str(error), 'the history of a run', str(path)) from None
+    rising = (np.diff(points, axis=0) >= 0.0).all() and not np.isnan(points).any()
+    if tuple(header) != CURVE_COLUMNS or points.shape[1:] != (2,) or not rising:
+        expected = f'rows of rising {",".join(CURVE_COLUMNS)}'
+        raise InvalidInput('file', f'{len(rows)} rows under {header}', expected, str(path))
+    return points

@@ -1,0 +1,202 @@
+"""The finished runs of campaigns, joined and sorted by shape and type of controller."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sim_node.errors import InvalidInput
+from sim_node.solver import ENGINES
+from snca_ros.cell.nca import ARCHITECTURES, NEURON_MODELS
+from snca_ros.study.campaign_file import read_campaign
+from snca_ros.study.results import read_rows
+
+MEASURES = {
+    'v_x': 'end of evolution',
+    'v_x_unseen': 'unseen terrains',
+    'v_x_starts_mean': 'pushed starts',
+}
+"""Columns in which controllers are compared, and what they are called."""
+
+OTHER_ENGINE = 'v_x_other'
+"""As a column: v_x [m/s] in the engine that did not choose the controller."""
+
+FEWEST_SEEDS = 3
+"""Below which a case comes with a warning."""
+
+
+@dataclass(frozen=True)
+class ControllerType:
+    """What the paper calls an embodied NCA: an architecture and a neuron model."""
+
+    architecture: str
+    neuron_model: str
+    as_printed: bool = False
+
+    def __str__(self) -> str:
+        """Return the name that the paper gives it, such as 'U-nD SNN-H'."""
+        printed = ' as printed' if self.as_printed else ''
+        return f'{self.architecture} {self.neuron_model.upper()}{printed}'
+
+    @property
+    def order(self) -> tuple[bool, int, int]:
+        """Return what sorts types: the paper's own comes first."""
+        model = NEURON_MODELS.index(self.neuron_model)
+        return self.as_printed, ARCHITECTURES.index(self.architecture), -model
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished run: its row of results.csv, column to text, and the file of its history."""
+
+    row: dict[str, str]
+    history: Path
+
+    @property
+    def controller(self) -> ControllerType:
+        """Return the type of its controller."""
+        row = self.row
+        return ControllerType(row['architecture'], row['neuron_model'], row['as_printed'] == 'true')
+
+    @property
+    def evaluations(self) -> int:
+        """Return the evaluations that it has spent."""
+        return int(self.row['n_evaluations'])
+
+    @property
+    def settings(self) -> str:
+        """Return what its name tells beside its case, budget and seed: terrain, engine, ..."""
+        row = self.row
+        case = f'{row["shape"]}-{row["architecture"]}-{row["neuron_model"]}-'
+        printed = 'as-printed-' if self.controller.as_printed else ''
+        words = row['run'].removeprefix(case + printed).removesuffix(f'-seed{row["seed"]}')
+        return '-'.join(word for word in words.split('-') if not word.startswith('evaluations'))
+
+    def value(self, column: str) -> float:
+        """Return the number in a column of its row, or `OTHER_ENGINE`."""
+        if column == OTHER_ENGINE:
+            column = next(f'v_x_{engine}' for engine in ENGINES if engine != self.row['chosen_by'])
+        return float(self.row[column])
+
+
+Cases = dict[str, dict[ControllerType, list[Run]]]
+"""Shape to type of controller to runs, at least one each."""
+
+
+def read_cases(folders: Sequence[Path]) -> Cases:
+    """Return the runs of all results folders, each once.
+
+    Raises:
+        InvalidInput: a table is missing, damaged or has no row, or two tables do not agree.
+    """
+    runs: dict[str, Run] = {}
+    for folder in folders:
+        table = folder / 'results.csv'
+        for row in read_rows(table):
+            _check_row(row, str(table))
+            run = Run(row, folder / 'histories' / f'{row["run"]}.csv')
+            known = runs.setdefault(row['run'], run)
+            if known.row != row:
+                expected = f'the row that {known.history.parents[1] / "results.csv"} has for it'
+                raise InvalidInput('run', row['run'], expected, str(table))
+    if not runs:
+        shown = ', '.join(map(str, folders))
+        raise InvalidInput('results', shown, 'at least one finished run')
+    cases: Cases = {}
+    for run in sorted(runs.values(), key=lambda run: (run.row['shape'], *run.controller.order)):
+        cases.setdefault(run.row['shape'], {}).setdefault(run.controller, []).append(run)
+    return cases
+
+
+def _check_row(row: dict[str, str], table: str) -> None:
+    known = {
+        'architecture': ARCHITECTURES, 'neuron_model': NEURON_MODELS, 'chosen_by': ENGINES,
+        'as_printed': ('true', 'false'),
+    }
+    for column, values in known.items():
+        if row[column] not in values:
+            raise InvalidInput(column, row[column], f'one of {", ".join(values)}', table)
+    for column in MEASURES:
+        if np.isnan(float(row[column])):
+            raise InvalidInput(column, row[column], 'a speed, or -inf', table)
+
+
+def column_of(runs: Sequence[Run], column: str) -> np.ndarray:
+    """Return the numbers of runs in a column, (n_runs,)."""
+    return np.array([run.value(column) for run in runs])
+
+
+def controller_types(cases: Cases) -> list[ControllerType]:
+    """Return the types of all shapes, in order."""
+    types = {controller for of_shape in cases.values() for controller in of_shape}
+    return sorted(types, key=lambda controller: controller.order)
+
+
+def missing_runs(cases: Cases, campaigns: Sequence[Path]) -> list[str]:
+    """Return lines that name the cases which lack runs.
+
+    Expected are the runs of the campaign files; without any, each type of controller on each shape.
+    """
+    expected: Counter[tuple[str, ControllerType]] = Counter()
+    done: Counter[tuple[str, ControllerType]] = Counter()
+    names = {run.row['run'] for of in cases.values() for runs in of.values() for run in runs}
+    for config in {c.name: c for path in campaigns for c in read_campaign(path)}.values():
+        cell = config.architecture
+        case = config.shape, ControllerType(cell.name, cell.neuron_model, cell.as_printed)
+        expected[case] += 1
+        done[case] += config.name in names
+    if not campaigns:
+        types = controller_types(cases)
+        expected = Counter((shape, controller) for shape in cases for controller in types)
+        done = Counter((shape, controller) for shape in cases for controller in cases[shape])
+    lacking: dict[str, list[str]] = {}
+    for case in sorted(expected, key=lambda case: (case[0], case[1].order)):
+        n, wanted = done[case], expected[case]
+        if n < wanted:
+            so_far = f'only {n} of {wanted} runs' if n else 'no run yet'
+            lacking.setdefault(f'{case[0]}: {so_far}', []).append(str(case[1]))
+    return [f'{told} of {", ".join(types)}' for told, types in lacking.items()]
+
+
+def warnings(cases: Cases) -> list[str]:
+    """Return lines that tell why a comparison may mislead."""
+    lines = []
+    for shape, of_shape in cases.items():
+        for controller, runs in of_shape.items():
+            if len(runs) < FEWEST_SEEDS:
+                lines.append(f'{shape}, {controller}: {told_seeds(runs)}, too few for a conclusion')
+            diverged = sum(any(np.isinf(run.value(m)) for m in MEASURES) for run in runs)
+            if diverged:
+                lines.append(f'{shape}, {controller}: {diverged} of {len(runs)} runs diverged in '
+                             'an episode; they count as slowest, and figures leave them out')
+        everything = [run for runs in of_shape.values() for run in runs]
+        if len({run.evaluations for run in everything}) > 1:
+            lines.append(f'{shape}: unequal budgets: {evidence(of_shape)}')
+        settings = sorted({run.settings for run in everything})
+        if len(settings) > 1:
+            lines.append(f'{shape}: runs of unequal settings: {", ".join(settings)}')
+    return lines
+
+
+def told_seeds(runs: Sequence[Run]) -> str:
+    """Return the number of seeds of runs as text."""
+    n = len({run.row['seed'] for run in runs})
+    return f'{n} seed{"s" * (n != 1)}'
+
+
+def told_evaluations(runs: Sequence[Run]) -> str:
+    """Return the evaluations per run as text: a number, or the least and the most."""
+    spent = [run.evaluations for run in runs]
+    least, most = min(spent), max(spent)
+    return f'{least:,}' if least == most else f'{least:,} to {most:,}'
+
+
+def evidence(of_shape: dict[ControllerType, list[Run]]) -> str:
+    """Return how many seeds and evaluations there are of each type of controller."""
+    types: dict[str, list[str]] = {}
+    for controller, runs in of_shape.items():
+        spent = f'{told_seeds(runs)} × {told_evaluations(runs)} evaluations'
+        types.setdefault(spent, []).append(str(controller))
+    return '; '.join(f'{spent} of {", ".join(names)}' for spent, names in types.items())

@@ -1,0 +1,76 @@
+"""What a study finds as tables of text, in Markdown."""
+
+from dataclasses import dataclass
+
+from snca_ros.study.cases import (
+    MEASURES,
+    OTHER_ENGINE,
+    Cases,
+    Run,
+    column_of,
+    told_evaluations,
+    told_seeds,
+)
+from snca_ros.study.contrasts import Contrast
+from snca_ros.study.statistics import LEVEL, quartiles
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table: what it is of, its header and its rows, all of the same length."""
+
+    title: str
+    header: list[str]
+    rows: list[list[str]]
+
+    def markdown(self) -> str:
+        """Return the table in Markdown, its title in bold."""
+        lines = [self.header, ['---'] * len(self.header), *self.rows]
+        return '\n'.join([f'**{self.title}**', '', *(f'| {" | ".join(line)} |' for line in lines)])
+
+
+def told_p(p: float) -> str:
+    """Return a p-value as text."""
+    return '< 0.001' if p < 0.001 else f'{p:.3f}'
+
+
+def speeds_table(cases: Cases) -> Table:
+    """Return seeds, evaluations and speeds of each case."""
+    columns = {
+        'v_x': 'end of evolution', OTHER_ENGINE: 'other engine',
+        'v_x_starts_mean': 'pushed starts', 'v_x_unseen': 'unseen terrains',
+        'frequency': 'frequency [Hz]',
+    }
+    rows = [
+        [shape, str(controller), told_seeds(runs).split()[0], told_evaluations(runs),
+         *(_told_quartiles(runs, column) for column in columns)]
+        for shape, of_shape in cases.items() for controller, runs in of_shape.items()
+    ]
+    header = ['shape', 'controller', 'seeds', 'evaluations', *columns.values()]
+    return Table('v_x [m/s] of the best controllers: median (quartiles)', header, rows)
+
+
+def _told_quartiles(runs: list[Run], column: str) -> str:
+    low, median, high = quartiles(column_of(runs, column))
+    return f'{median:.2f} ({low:.2f} to {high:.2f})'
+
+
+def contrasts_table(found: list[Contrast]) -> Table:
+    """Return p-values and effect sizes of contrasts."""
+    header = ['shape', 'v_x', 'first', 'second', 'medians [m/s]', 'p', 'p (Holm)',
+              f'A ({100 * LEVEL:g} % interval)']
+    rows = []
+    for contrast in found:
+        result, (first, second) = contrast.result, contrast.medians
+        rows.append([
+            contrast.shape, MEASURES[contrast.measure],
+            str(contrast.first), str(contrast.second), f'{first:.2f}, {second:.2f}',
+            told_p(result.p), told_p(contrast.p_holm),
+            f'{result.a:.2f} ({result.a_low:.2f} to {result.a_high:.2f})',
+        ])
+    return Table('First type against second', header, rows)
+
+
+def told_lines(title: str, lines: list[str]) -> list[str]:
+    """Return a Markdown list under a title; nothing if there are no lines."""
+    return ['\n'.join([f'**{title}**', '', *(f'- {line}' for line in lines)])] if lines else []
