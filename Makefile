@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help setup walk test lint unit bench clean
+.PHONY: help setup walk test lint unit bench docs clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -34,6 +34,9 @@ unit: $(READY)  ## the tests: unit tests, then graphs of real processes
 
 bench: $(READY)  ## speed of episodes, evolution and graphs, ratios first; writes bench.json
 	$(BIN)/python -m benchmarks --json bench.json
+
+docs: $(READY)  ## fill the generated sections of docs/ anew
+	$(BIN)/python -m docs.refresh
 
 clean:  ## remove what the targets made, but neither runs nor bags
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
