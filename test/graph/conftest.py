@@ -27,6 +27,7 @@ from sim_node.interface import stream_qos  # noqa: E402
 from sim_node.morphology import parse_morphology  # noqa: E402
 from sim_node.simulation import Simulation  # noqa: E402
 from sim_node.stamps import step_of_stamp  # noqa: E402
+from snca_ros.cell.cells import Cells  # noqa: E402
 from snca_ros.cell.nca import Architecture  # noqa: E402
 from snca_ros.controller_file import (  # noqa: E402
     TrainedController,
@@ -39,6 +40,15 @@ from snca_ros.nodes.lifeline import PARENT  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 DEADLINE = 60.0
+
+
+@pytest.fixture(scope='session', autouse=True)
+def compiled():
+    """Compile what nodes need, so that no test's deadline runs meanwhile."""
+    simulation, architecture = Simulation('11-10'), Architecture.named('U-nD', 'snn-h')
+    readings = simulation.step(np.zeros(3))
+    cells = Cells(architecture, np.zeros((1, architecture.n_parameters(1))))
+    cells.step_cell(0, readings[0], cells.silence(), 0)
 
 
 @pytest.fixture(scope='session')
