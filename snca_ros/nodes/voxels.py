@@ -13,6 +13,7 @@ from sim_node import security
 from sim_node.errors import InvalidInput
 from snca_ros.box import find_controller, graph_environment
 from snca_ros.controller_file import load_controller
+from snca_ros.faults import parse_faults
 from snca_ros.nodes.bringup import Graph, NodeProcess, WalkOptions, describe_graph
 from snca_ros.nodes.processes import RunningGraph
 
@@ -28,6 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='as the walk: never wait for a neighbour')
     parser.add_argument('--respawn', action='store_true',
                         help='start voxels again that were killed')
+    parser.add_argument('--faults', default='', metavar='SPEC',
+                        help='the same as the walk has')
     parser.add_argument('--robot', default='', help='namespace (default: the shape)')
     parser.add_argument('--voxels-per-process', type=int, default=1, metavar='K')
 
@@ -38,7 +41,8 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     path = find_controller(args.controller)
     options = WalkOptions(
         args.robot, real_time_factor=float(args.real_time),
-        voxels_per_process=args.voxels_per_process, only=args.only
+        voxels_per_process=args.voxels_per_process, only=args.only,
+        faults=parse_faults(args.faults),
     )
     graph = replace(describe_graph(path, load_controller(path), options), simulation=None)
     if not graph.voxels:

@@ -81,10 +81,10 @@ def cable(monkeypatch):
     cable.remove()
 
 
-def walk_on_two_hosts(cable, start, path):
+def walk_on_two_hosts(cable, start, path, *options):
     """Walk 1.5 s, one voxel here, the others there; return the walk's output."""
-    there = start('voxels', path, '--only', '2/2', prefix=cable.prefix(1))
-    here = start('walk', path, '--only', '1/2', '--duration', 1.5, '--bag', 'bag',
+    there = start('voxels', path, '--only', '2/2', *options, prefix=cable.prefix(1))
+    here = start('walk', path, '--only', '1/2', '--duration', 1.5, '--bag', 'bag', *options,
                  prefix=cable.prefix(0))
     output, _ = here.communicate(timeout=120)
     assert here.returncode == 0, output
@@ -96,7 +96,8 @@ def walk_on_two_hosts(cable, start, path):
 
 
 def test_walk_on_two_hosts_equals_the_walk_on_one(cable, start, make_controller):
-    output = walk_on_two_hosts(cable, start, make_controller('11-10'))
+    faults = '--faults', 'loss=0.3,death=voxel_0_1@0.5-0.8'
+    output = walk_on_two_hosts(cable, start, make_controller('11-10'), *faults)
     assert '91 positions of the centre, bit for bit the same' in output
 
 
