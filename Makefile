@@ -30,7 +30,8 @@ lint: $(READY)  ## style and types
 	$(BIN)/mypy
 
 unit: $(READY)  ## the tests: unit tests, then graphs of real processes
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist loadfile test/sim_node test/snca_ros
+	$(BIN)/python -m pytest test/graph
 
 bench: $(READY)  ## speed of episodes, evolution and graphs, ratios first; writes bench.json
 	$(BIN)/python -m benchmarks --json bench.json

@@ -14,7 +14,10 @@ EXECUTABLES = (
 ROS = ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces']
 CLUSTER = ['distributed']
 CMA = ['cma', 'threadpoolctl']
-TEST = [*CLUSTER, *CMA, 'pytest', 'hypothesis', 'ruff', 'mypy', 'types-PyYAML', 'lxml']
+TEST = [
+    *CLUSTER, *CMA,
+    'pytest', 'pytest-xdist', 'hypothesis', 'lxml', 'ruff', 'mypy', 'types-PyYAML',
+]
 
 
 def launchers() -> list[str]:

@@ -18,10 +18,7 @@ VALUES = (
 DEFAULTS = {'text': ('flat',), 'number': (1.0, 0.0, 10.0), 'count': (1, 0, 10), 'flag': (False,)}
 
 
-@settings(
-    derandomize=True, deadline=None, database=None, max_examples=80,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
+@settings(max_examples=80, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(name=st.sampled_from(sorted(DEFAULTS)), value=VALUES)
 def test_any_value_is_taken_or_refused_by_name(ros, name, value):
     node = RosNode('any', parameter_overrides=[Parameter(name, value=value)])

@@ -4,7 +4,7 @@ import contextlib
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_node.errors import InvalidInput
@@ -12,13 +12,11 @@ from sim_node.faults import STREAMS, Breakage, Outage, parse_breakage, parse_out
 from sim_node.morphology import parse_morphology
 from sim_node.simulation import Simulation
 
-quick = settings(derandomize=True, deadline=None, database=None)
 BIPED = parse_morphology('biped')
 N_STEPS = 60
 ENGINES = pytest.mark.parametrize('engine', ['pymunk', 'batched'])
 
 
-@quick
 @given(st.integers(0, 2**31 - 1), st.sampled_from(STREAMS), st.integers(0, 500), st.integers(1, 8))
 def test_numbers_of_a_step_do_not_depend_on_where_one_starts(seed, stream, first, n):
     from_start = uniform(seed, stream, (1, 2), 0, first + n)
@@ -64,7 +62,6 @@ def test_bad_breakages_are_named(text):
         Simulation('1', broken_sensors=text)
 
 
-@quick
 @given(st.text(alphabet='zero:frozen.0159@-+voxel_ \n\0½', max_size=30) | st.text(max_size=20))
 def test_any_text_is_read_or_refused(text):
     for parse in (parse_outage, parse_breakage):

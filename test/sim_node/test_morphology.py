@@ -6,9 +6,7 @@ from hypothesis import strategies as st
 from sim_node.errors import InvalidInput
 from sim_node.morphology import DIRECTIONS, OPPOSITE, SHAPES, Morphology, parse_morphology
 
-steady = settings(
-    deadline=None, derandomize=True, suppress_health_check=[HealthCheck.filter_too_much]
-)
+steady = settings(suppress_health_check=[HealthCheck.filter_too_much])
 grids = st.integers(1, 6).flatmap(
     lambda width: st.lists(
         st.text('01', min_size=width, max_size=width), min_size=1, max_size=6

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_node.sensors import (
@@ -21,7 +21,6 @@ from sim_node.sensors import (
     window_means,
 )
 
-steady = settings(deadline=None, derandomize=True)
 SQUARE = ((-0.9, 0.9), (0.9, 0.9), (0.9, -0.9), (-0.9, -0.9))
 
 
@@ -51,7 +50,6 @@ def test_soft_normalisation_of_the_area():
         assert soft_normalise(ratio, 0.5, 1.5) == pytest.approx(expected, rel=1e-12)
 
 
-@steady
 @given(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6))
 def test_soft_normalisation_stays_in_range_and_grows(a, b):
     low, high = sorted((a, b))

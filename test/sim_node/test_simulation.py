@@ -141,7 +141,7 @@ def test_actuation_sets_the_rest_lengths_of_its_voxel_only():
 
 
 @given(st.lists(st.floats(-1e300, 1e300), min_size=2, max_size=2))
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=30)
 def test_actuation_is_clipped(values):
     ends = []
     for actuation in (np.array(values), np.clip(values, -1.0, 1.0)):

@@ -3,14 +3,13 @@ import math
 import numpy as np
 import pymunk
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_node.errors import InvalidInput
 from sim_node.terrain import UNSEEN_TERRAINS, parse_terrain
 
 TAN20 = 0.36397023426620234
-steady = settings(deadline=None, derandomize=True)
 nearly_names = st.from_regex(
     r'(flat|hilly|steppy|uphill|downhill|)(-[0-9.]{0,6}){0,4}', fullmatch=True
 )
@@ -133,7 +132,6 @@ def test_unseen_terrains_are_those_of_the_design():
         assert terrain.name == name
 
 
-@steady
 @given(st.one_of(st.text(max_size=70), nearly_names))
 def test_any_text_is_a_terrain_or_invalid_input(text):
     terrain, error = parsed(text)
@@ -144,7 +142,6 @@ def test_any_text_is_a_terrain_or_invalid_input(text):
         check_profile(terrain)
 
 
-@steady
 @given(
     st.sampled_from(['hilly', 'steppy']), st.floats(0, 100), st.floats(1, 1000),
     st.integers(0, 10**30),

@@ -37,9 +37,9 @@ WEIGHTS = ('uniform', 'normal', 'dyadic')
 TOLERANCE = 1e-12
 Q = 1 - 0.01 * 1000 / 960  # what is left of v, and of psi, after one SNN step
 
-cheap = settings(derandomize=True, deadline=None, database=None, max_examples=60)
-dear = settings(derandomize=True, deadline=None, database=None, max_examples=14)
-dearest = settings(derandomize=True, deadline=None, database=None, max_examples=5)
+cheap = settings(max_examples=60)
+dear = settings(max_examples=14)
+dearest = settings(max_examples=5)
 
 
 # --- what both sides are given --------------------------------------------------------------

@@ -28,7 +28,7 @@ from snca_ros.controller_file import TrainedController, load_controller, save_co
 
 NINE = [(name, model) for name in ('U-nD', 'U-D', 'nU-D') for model in ('mlp', 'snn', 'snn-h')]
 
-quick = settings(derandomize=True, deadline=None, database=None, max_examples=100)
+quick = settings(max_examples=100)
 
 json_values = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(),

@@ -6,7 +6,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_node.errors import InvalidInput
@@ -16,7 +16,6 @@ from snca_ros.cell.nca import Architecture
 from snca_ros.controller import Controller, weights_of
 from snca_ros.faults import CellFaults, Faults, VoxelFaults, parse_faults
 
-quick = settings(derandomize=True, deadline=None, database=None)
 SHAPE = parse_morphology('11-10')
 N_STEPS = 90
 TEXT = (
@@ -77,7 +76,6 @@ def test_missing_file_is_named():
         parse_faults('nowhere.yaml')
 
 
-@quick
 @given(st.text(max_size=30) | st.text(alphabet='loss=0.3,delay=death@-:', max_size=30))
 def test_any_text_is_read_or_refused(text):
     with contextlib.suppress(InvalidInput):

@@ -16,7 +16,7 @@ from snca_ros.controller import Controller
 PAPERS = ('U-nD', 'U-D', 'nU-D')
 NINE = [(name, model) for name in PAPERS for model in ('mlp', 'snn', 'snn-h')]
 
-quick = settings(derandomize=True, deadline=None, database=None, max_examples=100)
+quick = settings(max_examples=100)
 
 architectures = st.builds(
     Architecture,

@@ -715,7 +715,7 @@ def test_wrong_value_in_the_config_is_named(tmp_path, key):
         assert any(name in text.removeprefix(str(path)) for name in names)
 
 
-@settings(derandomize=True, deadline=None, database=None, max_examples=200)
+@settings(max_examples=200)
 @given(
     key=st.sampled_from(sorted(RunConfig.__dataclass_fields__)),
     value=st.recursive(
@@ -736,7 +736,7 @@ def test_any_value_in_a_config_is_taken_or_refused(key, value):
     assert '\n' not in complaint
 
 
-@settings(derandomize=True, deadline=None, database=None, max_examples=100)
+@settings(max_examples=100)
 @given(text=st.text(max_size=60))
 def test_any_text_as_config_is_refused(tmp_path_factory, text):
     path = tmp_path_factory.mktemp('any') / 'config.yaml'

@@ -19,7 +19,7 @@ from snca_ros.evolution.locomotion import (
 )
 from snca_ros.faults import Faults, parse_faults
 
-quick = settings(derandomize=True, deadline=None, database=None, max_examples=50)
+quick = settings(max_examples=50)
 
 DIVERGING = {'material': Material(frequency=30.0, damping_ratio=0.0)}
 """Springs too stiff for the physics step: within seconds nothing is finite."""

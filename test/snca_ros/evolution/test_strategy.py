@@ -11,7 +11,7 @@ from snca_ros.evolution.strategy import SimpleEvolutionStrategy
 
 D = 6
 
-quick = settings(derandomize=True, deadline=None, database=None, max_examples=50)
+quick = settings(max_examples=50)
 
 
 def score(x: np.ndarray) -> np.ndarray:

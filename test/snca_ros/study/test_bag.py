@@ -98,7 +98,7 @@ def test_voxels_are_in_the_order_of_the_morphology(tmp_path):
     assert bag.voxel_names == ('voxel_2_0', 'voxel_10_0', 'voxel_2_1')
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(lost=st.sets(
     st.tuples(st.sampled_from(NUMBERED), st.integers(0, N_STEPS - 1)), max_size=40
 ))
@@ -296,7 +296,7 @@ def test_broken_storage_is_refused(tmp_path, storage, damage):
     refused(path)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(data=st.data())
 def test_no_damage_ends_in_a_traceback(tmp_path_factory, whole, data):
     folder = tmp_path_factory.mktemp('damaged')
