@@ -2,6 +2,7 @@
 
 import difflib
 import reprlib
+from collections.abc import Iterable
 
 _SHORT = reprlib.Repr()  # a few lines of YAML can name each other into a text of any length
 _SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxdict = 4, 20, 20
@@ -32,16 +33,23 @@ class InvalidInput(ValueError):
         return InvalidInput(self.field, self.value, self.expected, inner)
 
 
-def near_miss(name: str, known: 'list[str] | tuple[str, ...]') -> str:
+def near_miss(name: str, known: Iterable[str]) -> str:
     """Return ", did you mean ...?" when `name` almost is one of `known`, else an empty text."""
     folded = {k.lower(): k for k in known}
     close = difflib.get_close_matches(name.lower(), folded, n=1)
     return f" (did you mean '{folded[close[0]]}'?)" if close else ''
 
 
-def check_keys(field: str, values: dict, known: 'list[str] | tuple[str, ...]') -> None:
+def check_name(field: str, name: object, known: Iterable[str], source: str = '') -> None:
+    """Raise InvalidInput, with a hint, if `name` is not one of `known`."""
+    known = tuple(known)
+    if name not in known:
+        expected = f'one of {", ".join(known)}' + near_miss(str(name), known)
+        raise InvalidInput(field, name, expected, source)
+
+
+def check_keys(field: str, values: dict, known: Iterable[str]) -> None:
     """Raise InvalidInput, with a hint, if `values` has a key that is not one of `known`."""
+    known = tuple(known)
     for key in values:
-        if key not in known:
-            expected = f'one of {", ".join(known)}' + near_miss(str(key), known)
-            raise InvalidInput(field, key, expected)
+        check_name(field, key, known)

@@ -93,6 +93,7 @@ class Morphology:
             return self.voxel_names.index(voxel_name)
         except ValueError:
             expected = f'a voxel of {self.name} ({self.grid_string}), voxel_<x>_<y>'
+            expected += near_miss(voxel_name, self.voxel_names)
             raise InvalidInput('voxel', voxel_name, expected) from None
 
     def same_shape(self, other: 'Morphology') -> bool:

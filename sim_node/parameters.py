@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, fields
 
-from sim_node.errors import InvalidInput
+from sim_node.errors import InvalidInput, check_name
 from sim_node.faults import FAULTS_OF_BODY
 from sim_node.material import Material
 from sim_node.morphology import parse_morphology
@@ -44,8 +44,7 @@ def options_of(node: RosNode) -> RunOptions:
         p('recorders', 0, 'recorders that must listen before step 0 is published', 0, 10),
         p('start_paused', False, 'wait for the service pause(false) or step'),
     )
-    if options.on_silence not in ('stop', 'go_on'):
-        raise InvalidInput('on_silence', options.on_silence, 'stop or go_on', node.where())
+    check_name('on_silence', options.on_silence, ('stop', 'go_on'), node.where())
     return options
 
 

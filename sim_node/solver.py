@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from sim_node.errors import InvalidInput, check_keys, near_miss
+from sim_node.errors import InvalidInput, check_keys, check_name
 
 ENGINES = ('pymunk', 'batched')
 """pymunk steps any scene; batched, the same algorithm in SIMD lanes, what evolution needs."""
@@ -39,9 +39,7 @@ class Solver:
 
 def check_engine(engine: object, solver: Solver) -> None:
     """Raise InvalidInput if there is no such engine, or it cannot do what the solver asks for."""
-    if engine not in ENGINES:
-        expected = f'one of {", ".join(ENGINES)}' + near_miss(str(engine), ENGINES)
-        raise InvalidInput('engine', engine, expected)
+    check_name('engine', engine, ENGINES)
     if engine == 'batched' and solver.self_collision:
         expected = 'false with the batched engine; the pymunk engine has self-collision'
         raise InvalidInput('solver.self_collision', True, expected)

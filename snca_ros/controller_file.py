@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sim_node.errors import InvalidInput, check_keys
+from sim_node.errors import InvalidInput, check_keys, check_name
 from sim_node.material import Material
 from sim_node.morphology import Morphology, parse_morphology
 from sim_node.solver import ENGINES, Solver
@@ -169,8 +169,7 @@ def _count(header: dict, name: str) -> int:
 
 
 def _engine(name: Any, where: str) -> str:
-    if name not in ENGINES:
-        raise InvalidInput(where, name, f'one of {", ".join(ENGINES)}')
+    check_name(where, name, ENGINES)
     return name
 
 

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from sim_node.errors import InvalidInput, near_miss
+from sim_node.errors import InvalidInput, check_name
 
 
 class Strategy(Protocol):
@@ -203,6 +203,4 @@ STRATEGIES: dict[str, Callable[..., Strategy]] = {
 
 def check_strategy(name: object) -> None:
     """Raise InvalidInput if there is no such strategy."""
-    if name not in tuple(STRATEGIES):
-        expected = f'one of {", ".join(STRATEGIES)}' + near_miss(str(name), tuple(STRATEGIES))
-        raise InvalidInput('strategy', name, expected)
+    check_name('strategy', name, STRATEGIES)

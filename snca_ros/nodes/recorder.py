@@ -27,7 +27,7 @@ from rosbags.interfaces import (
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from sim_node.errors import InvalidInput
+from sim_node.errors import check_name
 from sim_node.interface import stream_qos
 from sim_node.ros import RosNode, run_nodes
 from snca_ros.files import RESERVE, check_new_bag, room_for
@@ -59,8 +59,7 @@ class RecorderNode(RosNode):
         path = p('bag', f'bags/{now}', 'folder of the bag to write; must not exist')
         storage = p('storage', 'mcap', 'storage of the bag: mcap | sqlite3')
         self.check_unknown_parameters()
-        if storage not in STORAGES:
-            raise InvalidInput('storage', storage, ' or '.join(STORAGES), self.where())
+        check_name('storage', storage, STORAGES, self.where())
         self._types = get_typestore(Stores.ROS2_JAZZY)
         self._topics: set[str] = set()
         self._last_message = 0.0

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sim_node.errors import InvalidInput
+from sim_node.errors import InvalidInput, check_name
 from sim_node.solver import ENGINES
 from snca_ros.cell.nca import ARCHITECTURES, NEURON_MODELS
 from snca_ros.study.campaign_file import read_campaign
@@ -116,8 +116,7 @@ def _check_row(row: dict[str, str], table: str) -> None:
         'as_printed': ('true', 'false'),
     }
     for column, values in known.items():
-        if row[column] not in values:
-            raise InvalidInput(column, row[column], f'one of {", ".join(values)}', table)
+        check_name(column, row[column], values, table)
     for column in MEASURES:
         if np.isnan(float(row[column])):
             raise InvalidInput(column, row[column], 'a speed, or -inf', table)
