@@ -1,14 +1,15 @@
 """The `snca` command and its sub-commands; each loads only what it needs."""
 
-import argparse
 import importlib
 import os
 import signal
 import sys
 from concurrent.futures import BrokenExecutor
+from types import ModuleType
 
-from sim_node.errors import InvalidInput, near_miss
+from sim_node.errors import InvalidInput, check_name
 from snca_ros import __version__
+from snca_ros.command_line import CommandParser
 from snca_ros.nodes.lifeline import end_with_parent
 
 COMMANDS = {
@@ -21,6 +22,7 @@ COMMANDS = {
     'study': ('snca_ros.study.study', 'statistics and figures of campaigns, on one page'),
     'report': ('snca_ros.study.report', 'read a bag back: v_x, firing rates, lost messages'),
     'render': ('snca_ros.study.render', 'draw a walking controller as GIF or PNG, offline'),
+    'completion': ('snca_ros.completion', 'print what lets a shell complete commands and options'),
 }
 """Commands with an argparse command line: module and what it does."""
 
@@ -30,6 +32,12 @@ NODES = {
     'recorder_node': ('snca_ros.nodes.recorder', 'records the graph into a bag'),
 }
 """ROS nodes, which take --ros-args: module and what it does."""
+
+EXAMPLES = """
+  snca walk                      # the biped in the box walks 30 s; bag, report, comparison
+  snca evolve --engine batched --shape tripod --evaluations 3000 --run runs/tripod
+  snca walk runs/tripod/best.npz
+"""
 
 BAD_INPUT = 2
 
@@ -47,10 +55,7 @@ def main(argv: list[str] | None = None) -> int:
             return 0
         if name in NODES:
             return _run_node(name, argv[1:])
-        if name not in COMMANDS:
-            known = [*COMMANDS, *NODES]
-            expected = f'one of {", ".join(known)}' + near_miss(name, known)
-            raise InvalidInput('command', name, expected)
+        check_name('command', name, [*COMMANDS, *NODES])
         return _run_command(name, argv[1:])
     except InvalidInput as error:
         print(f'snca {name}: error: {error}', file=sys.stderr)
@@ -68,22 +73,32 @@ def main(argv: list[str] | None = None) -> int:
         return 1
 
 
+def load(module: str) -> ModuleType:
+    """Return the module of a command or node; InvalidInput if it needs ROS and there is none."""
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if (error.name or '').partition('.')[0] != 'rclpy':
+            raise
+        expected = "rclpy: pip install 'snca_ros[ros]', or source the setup file of ROS 2 Jazzy"
+        raise InvalidInput('ROS 2', None, expected) from None
+
+
 def _run_node(name: str, argv: list[str]) -> int:
     end_with_parent()
     # Until the node has its own handlers, asked to end means that there is nothing to finish.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        return importlib.import_module(NODES[name][0]).main(argv)
+        return load(NODES[name][0]).main(argv)
     except KeyboardInterrupt:
         return 0
 
 
 def _run_command(name: str, argv: list[str]) -> int:
     module_name, text = COMMANDS[name]
-    module = importlib.import_module(module_name)
-    parser = argparse.ArgumentParser(prog=f'snca {name}', description=f'{text.capitalize()}.')
-    module.add_arguments(parser)
+    module = load(module_name)
+    parser = CommandParser(name, text, module)
     # `ros2 run` and `ros2 launch` may append --ros-args; a command that is no node ignores them.
     if '--ros-args' in argv:
         argv = argv[: argv.index('--ros-args')]
@@ -95,5 +110,6 @@ def _overview() -> str:
     lines += [f'  {name:14}{text}' for name, (_, text) in COMMANDS.items()]
     lines += ['', 'ROS nodes (take --ros-args):']
     lines += [f'  {name:14}{text}' for name, (_, text) in NODES.items()]
+    lines += ['', 'examples:', *EXAMPLES.strip('\n').splitlines()]
     lines += ['', 'snca COMMAND --help tells the options of a command.']
     return '\n'.join(lines)

@@ -23,6 +23,13 @@ from snca_ros.status import StatusLine, TimeLeft
 
 INTERRUPTED = 130
 
+EXAMPLES = """
+  snca evolve --shape tripod --engine batched --evaluations 3000 --run runs/tripod
+  snca evolve --resume runs/tripod                  # go on after Ctrl-C or kill -9
+  snca evolve --shape 1111-1001 --architecture nU-D --neuron-model mlp --seed 3
+  snca evolve --terrain hilly-1-10-0 --strategy cma --workers 4
+"""
+
 
 def evolve(
     folder: RunFolder, workers: Workers, report: Callable[[Progress], None] = lambda progress: None

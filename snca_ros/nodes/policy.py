@@ -11,6 +11,11 @@ from snca_ros.controller_file import load_controller
 from snca_ros.nodes.bringup import Graph, WalkOptions, describe_graph
 from snca_ros.nodes.spikes import topic_name
 
+EXAMPLES = """
+  snca policy biped-U-nD-snn-h > policy.xml
+  snca policy runs/tripod/best.npz --robot alice --voxels-per-process 4 > policy.xml
+"""
+
 _POLICY_VERSION = '0.2.0'
 _SIMULATION_TOPICS = ('/clock', 'odometry', 'markers')
 _SPOKEN_BY_ALL = ('/diagnostics', '/parameter_events', '/rosout')

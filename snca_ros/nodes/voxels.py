@@ -17,6 +17,12 @@ from snca_ros.faults import parse_faults
 from snca_ros.nodes.bringup import Graph, NodeProcess, WalkOptions, describe_graph
 from snca_ros.nodes.processes import RunningGraph
 
+EXAMPLES = """
+  snca voxels biped-U-nD-snn-h --only 2/2          # while the other machine runs
+  snca walk biped-U-nD-snn-h --only 1/2
+  snca voxels best.npz --only voxel_0_0,voxel_1_0 --real-time --respawn
+"""
+
 _LOOK_PERIOD = 0.2  # seconds between looks at who has ended
 
 
@@ -32,7 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--faults', default='', metavar='SPEC',
                         help='the same as the walk has')
     parser.add_argument('--robot', default='', help='namespace (default: the shape)')
-    parser.add_argument('--voxels-per-process', type=int, default=1, metavar='K')
+    parser.add_argument('--voxels-per-process', type=int, default=1, metavar='K',
+                        help='voxels that share a process (default 1)')
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:

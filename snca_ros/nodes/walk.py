@@ -14,7 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.signals import SignalHandlerOptions
 
 from sim_node import security
-from sim_node.errors import InvalidInput
+from sim_node.errors import InvalidInput, check_name
 from sim_node.morphology import parse_morphology
 from sim_node.simulation import Simulation
 from sim_node.solver import ENGINES
@@ -32,10 +32,19 @@ from snca_ros.nodes.bringup import (
     robot_name,
 )
 from snca_ros.nodes.processes import RunningGraph
+from snca_ros.nodes.recorder import STORAGES
 from snca_ros.study import report
 from snca_ros.study.bag import read_bag
 
 INTERRUPTED = 130
+
+EXAMPLES = """
+  snca walk                                         # the biped in the box, 30 s, in lock-step
+  snca walk runs/tripod/best.npz --terrain hilly-1-10-0 --duration 60
+  snca walk --real-time --respawn                   # at 60 Hz; killed voxels come back
+  snca walk --faults loss=0.3,death=0.5@10,seed=3   # lost messages; half the voxels die at 10 s
+  snca walk --engine batched --bag bags/mine --storage sqlite3
+"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,11 +60,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--respawn', action='store_true',
                         help='start voxels again that were killed')
     parser.add_argument('--terrain', default='', help='default: the one it was evolved on')
-    parser.add_argument('--engine', default='', choices=['', *ENGINES], metavar='ENGINE',
+    parser.add_argument('--engine', default='',
                         help=f'{", ".join(ENGINES)} (default: the one that chose the controller)')
     parser.add_argument('--shape', help='refuse a controller of another shape than this')
     parser.add_argument('--robot', default='', help='namespace (default: the shape)')
-    parser.add_argument('--voxels-per-process', type=int, default=1, metavar='K')
+    parser.add_argument('--voxels-per-process', type=int, default=1, metavar='K',
+                        help='voxels that share a process (default 1)')
     parser.add_argument('--faults', default='', metavar='SPEC',
                         help='what goes wrong: name=value,... such as loss=0.3,death=0.5@10, '
                         'or a YAML file; see docs/robustness.md')
@@ -64,7 +74,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         'K/N, the Kth of N shares, or voxel_0_0,voxel_1_0,..., or none')
     parser.add_argument('--bag', type=Path, help='bag to write (default bags/<robot>-<time>)')
     parser.add_argument('--no-bag', action='store_true', help='record nothing')
-    parser.add_argument('--storage', default='mcap', choices=['mcap', 'sqlite3'])
+    parser.add_argument('--storage', default='mcap',
+                        help=f'of the bag: {", ".join(STORAGES)} (default mcap)')
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
@@ -76,6 +87,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         raise InvalidInput('duration', args.duration, 'seconds from 0 to 100000')
     if not 0.0 <= args.real_time <= 100.0:
         raise InvalidInput('real_time', args.real_time, 'a factor from 0 to 100')
+    check_name('storage', args.storage, STORAGES)
     _check_shape(path, trained, args.shape)
     robot = args.robot or robot_name(trained.morphology)
     bag = args.bag or Path('bags') / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'

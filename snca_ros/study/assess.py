@@ -30,6 +30,13 @@ FAULTY_STARTS = 9
 """Pushed starts beside the exact one for each value of a fault, if nobody says how many."""
 
 
+EXAMPLES = """
+  snca assess runs/tripod/best.npz                  # v_x on 16 terrains that it has not seen
+  snca assess biped-U-nD-snn-h --terrains flat,uphill-10 --starts 20 --engine batched
+  snca assess biped-U-nD-snn-h --faults loss=0..0.9..0.1 --figure loss.png --csv loss.csv
+"""
+
+
 @dataclass(frozen=True)
 class Trial:
     """One episode of a trained controller.

@@ -116,6 +116,13 @@ def _spent(folder: Path) -> int:
         return 0
 
 
+EXAMPLES = """
+  snca campaign config/experiments/small.yaml       # again: goes on with it
+  snca campaign config/experiments/paper-main.yaml --results results/paper --runs runs/paper
+  snca campaign config/experiments/small.yaml --scheduler tcp://10.0.0.2:8786
+"""
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `campaign`."""
     parser.add_argument('file', type=Path, metavar='FILE', help='the campaign, .yaml')

@@ -16,6 +16,12 @@ from snca_ros.box import find_controller
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.files import write_atomically
 
+EXAMPLES = """
+  snca render biped-U-nD-snn-h walk.gif
+  snca render runs/tripod/best.npz hills.gif --terrain hilly-1-10-0 --start 5 --duration 10
+  snca render biped-U-nD-snn-h poses.png
+"""
+
 _N_POSES = 4  # in a strip
 _N_COLORS = 64
 _SMOOTHING = 2.0  # width of the window that smooths the camera's way [s]

@@ -15,6 +15,12 @@ from snca_ros.study.bag import Recording, TopicCount, read_bag
 from snca_ros.study.gait import Gait, measure_gait
 from snca_ros.study.health import OUTCOMES
 
+EXAMPLES = """
+  snca report bags/mine
+  snca report bags/mine --json walk.json --figure walk.svg
+  snca report bags/mine --episode 0                 # of a bag with resets
+"""
+
 _SHOWN_STEPS = 5
 
 

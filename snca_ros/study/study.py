@@ -9,6 +9,12 @@ from snca_ros.study.cases import missing_runs, read_cases, warnings
 from snca_ros.study.contrasts import contrasts, contrasts_csv, shown_contrasts
 from snca_ros.study.tables import contrasts_table, speeds_table, told_lines
 
+EXAMPLES = """
+  snca study results/example
+  snca study results/main results/more --campaign config/experiments/paper-main.yaml
+  snca study results/example --text
+"""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `study`."""

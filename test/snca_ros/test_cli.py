@@ -1,6 +1,7 @@
 """The `snca` command: overview, version, dispatch, and one line for a command that is none."""
 
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ import pytest
 
 import snca_ros
 from snca_ros import cli
+from snca_ros.command_line import CommandParser
 
 ROOT = Path(snca_ros.__file__).parents[1]
 
@@ -28,7 +30,8 @@ def test_help_names_every_command_and_node(arguments, capsys):
     assert err == ''
     assert out.startswith('usage: snca COMMAND')
     listed = [line.split()[0] for line in out.splitlines() if line.startswith('  ')]
-    assert listed == [*cli.COMMANDS, *cli.NODES]
+    assert [word for word in listed if word != 'snca'] == [*cli.COMMANDS, *cli.NODES]
+    assert 'snca' in listed
 
 
 def test_version(capsys):
@@ -70,6 +73,78 @@ def test_unknown_command_is_one_line(name, capsys):
     for known in (*cli.COMMANDS, *cli.NODES):
         assert known in err
     assert err.count('\n') == 1
+
+
+def parser_of(name):
+    module, text = cli.COMMANDS[name]
+    return CommandParser(name, text, cli.load(module))
+
+
+@pytest.mark.parametrize('name', cli.COMMANDS)
+def test_help_explains_every_option_and_its_examples_are_no_errors(name):
+    parser = parser_of(name)
+    assert [action.dest for action in parser._actions if not action.help] == []
+    examples = parser.format_help().partition('examples:\n')[2].splitlines()
+    assert any(f'snca {name} ' in f'{example} ' for example in examples)
+    for example in [*examples, *cli.EXAMPLES.strip().splitlines()]:
+        words = shlex.split(example.split('$(')[-1].split(')')[0].split('>')[0], comments=True)
+        assert words[0] == 'snca'
+        parser_of(words[1]).parse_args(words[2:])
+
+
+@pytest.mark.parametrize(('arguments', 'hint'), [
+    (['evolve', '--evaluatons', '9'], "'--evaluatons' (did you mean '--evaluations'?)"),
+    (['assess', 'x.npz', '--terains=flat'], "'--terains=flat' (did you mean '--terrains'?)"),
+    (['report', 'bag', 'bog'], "unknown argument 'bog';"),
+    (['report'], 'required: BAG'),
+])
+def test_wrong_options_are_one_line(arguments, hint, capsys):
+    with pytest.raises(SystemExit) as end:
+        cli.main(arguments)
+    assert end.value.code == 2
+    out, err = capsys.readouterr()
+    assert out == ''
+    assert err.count('\n') == 1
+    assert hint in err
+
+
+@pytest.mark.parametrize(('words', 'expected'), [
+    ('re', {'report', 'render', 'recorder_node'}),
+    ('evolve --neuron', {'--neuron-model'}),
+    ('evolve --shape bi', {'biped'}),
+    ('assess bip', {'biped-U-nD-snn-h', 'bipedal.npz'}),
+    ('report b', {'bipedal.npz'}),
+])
+def test_bash_completes(words, expected, tmp_path, capsys):
+    assert cli.main(['completion', 'bash']) == 0
+    (tmp_path / 'completion.bash').write_text(capsys.readouterr().out)
+    (tmp_path / 'bipedal.npz').touch()
+    script = f"""source completion.bash
+        COMP_WORDS=(snca {words}) COMP_CWORD={len(words.split())}
+        _shtab_snca; printf '%s\\n' "${{COMPREPLY[@]}}" """
+    run = subprocess.run(
+        ['bash', '-c', script], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert set(run.stdout.split()) == expected
+
+
+def test_completion_of_an_unknown_shell_is_refused(capsys):
+    assert cli.main(['completion', 'bsh']) == 2
+    assert "did you mean 'bash'?" in capsys.readouterr().err
+
+
+def test_without_ros_its_commands_say_what_is_missing():
+    for name, code, said in [('walk', 2, "pip install 'snca_ros[ros]'"), ('sim_node', 2, 'ROS 2'),
+                             ('completion', 0, '_snca_evolve_option_strings')]:
+        program = f"""import sys; sys.modules['rclpy'] = None
+from snca_ros.cli import main; sys.exit(main(['{name}', 'bash']))"""
+        run = subprocess.run(
+            [sys.executable, '-c', program], env={**os.environ, 'PYTHONPATH': str(ROOT)},
+            capture_output=True, text=True, check=False,
+        )
+        assert run.returncode == code, run.stderr
+        assert said in run.stdout + run.stderr
+        assert 'Traceback' not in run.stderr
 
 
 def test_help_of_evolve_names_its_options(capsys):

@@ -1,0 +1,59 @@
+"""The `completion` command: the script with which a shell completes the other commands.
+
+A script is made once and complete: no Python starts, and no ROS is loaded, when Tab is pressed.
+"""
+
+import argparse
+import contextlib
+from pathlib import Path
+
+import shtab
+
+from sim_node.errors import InvalidInput, check_name
+from sim_node.morphology import SHAPES
+from sim_node.solver import ENGINES
+from sim_node.terrain import UNSEEN_TERRAINS
+from snca_ros.box import boxed_controllers
+from snca_ros.cell.nca import ARCHITECTURES, NEURON_MODELS
+from snca_ros.cli import COMMANDS, NODES, load
+from snca_ros.evolution.strategy import STRATEGIES
+
+EXAMPLES = """
+  eval "$(snca completion bash)"                    # in ~/.bashrc
+  snca completion zsh > ~/.zfunc/_snca              # with ~/.zfunc in fpath
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line of `completion`."""
+    parser.add_argument('shell', help=', '.join(shtab.SUPPORTED_SHELLS))
+
+
+def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Print the script; return the exit code."""
+    check_name('shell', args.shell, shtab.SUPPORTED_SHELLS)
+    root = argparse.ArgumentParser('snca')
+    root.add_argument('--version', action='store_true')
+    commands = root.add_subparsers()
+    for name, (module, text) in COMMANDS.items():
+        command = commands.add_parser(name, help=text)
+        with contextlib.suppress(InvalidInput):  # without ROS its name alone is completed
+            load(module).add_arguments(command)
+        _add_choices(command)
+    for name, (_, text) in NODES.items():
+        commands.add_parser(name, help=text)
+    print(shtab.complete(root, args.shell))
+    return 0
+
+
+def _add_choices(command: argparse.ArgumentParser) -> None:
+    """Say of a command's options what may follow them."""
+    file = shtab.Choice('file')
+    choices = {
+        'shape': SHAPES, 'architecture': ARCHITECTURES, 'neuron_model': NEURON_MODELS,
+        'engine': ENGINES, 'strategy': STRATEGIES, 'terrain': ('flat', *UNSEEN_TERRAINS),
+        'controller': (file, *boxed_controllers()), 'controllers': (file, *boxed_controllers()),
+        'shell': shtab.SUPPORTED_SHELLS,
+    }
+    for action in command._actions:
+        action.choices = choices.get(action.dest, (file,) if action.type is Path else None)
