@@ -16,7 +16,7 @@ CLUSTER = ['distributed']
 CMA = ['cma', 'threadpoolctl']
 TEST = [
     *CLUSTER, *CMA,
-    'pytest', 'pytest-xdist', 'hypothesis', 'lxml', 'ruff', 'mypy', 'types-PyYAML',
+    'pytest', 'pytest-xdist', 'hypothesis', 'lxml', 'ruff', 'mypy', 'types-PyYAML', 'wheel',
 ]
 
 
