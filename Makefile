@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help setup walk test lint unit bench docs clean
+.PHONY: help setup walk test lint unit bench docs api clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -38,6 +38,11 @@ bench: $(READY)  ## speed of episodes, evolution and graphs, ratios first; write
 
 docs: $(READY)  ## fill the generated sections of docs/ anew
 	$(BIN)/python -m docs.refresh
+
+api: $(READY)  ## all docstrings as pages in build/api, by pdoc
+	$(BIN)/python -m pip install -q --disable-pip-version-check pdoc
+	$(BIN)/pdoc --docformat google --output-directory build/api \
+	  sim_node '!sim_node.batched' snca_ros '!snca_ros.__main__'
 
 clean:  ## remove what the targets made, but neither runs nor bags
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
