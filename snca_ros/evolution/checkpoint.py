@@ -164,7 +164,10 @@ class RunFolder:
             **progress.strategy,
             'history': np.array(progress.history), 'reassessed': progress.reassessed,
         }
-        write_atomically(self.path / 'checkpoint.npz', lambda file: np.savez(file, **arrays))  # type: ignore[arg-type]
+        write_atomically(
+            self.path / 'checkpoint.npz',
+            lambda file: np.savez(file, **arrays),  # type: ignore[arg-type]
+        )
         self._write_views(progress)
 
     def _write_views(self, progress: Progress) -> None:

@@ -1,10 +1,13 @@
-"""The documents: their generated sections are what their commands print."""
+"""The documents: generated sections, pictures and links are what they should be."""
 
+import re
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
 from made_up_results import paper_rows, write_results
 
+from docs.concept_pictures import DRAWINGS, PICTURES, svg
 from docs.refresh import DOCS, refreshed
 
 SECTION = '# Title\n\n<!-- $ snca {} -->\nold\n<!-- end -->\n\nThe rest.\n'
@@ -40,3 +43,35 @@ def test_a_command_that_fails_is_told(tmp_path, capsys):
     with pytest.raises(RuntimeError, match='nowhere --text: exit code 2'):
         refreshed(SECTION.format(f'study {Path(tmp_path) / "nowhere"} --text'))
     capsys.readouterr()
+
+
+def test_links_lead_somewhere_and_the_readme_lists_all_documents():
+    for document in (*DOCS.glob('*.md'), *DOCS.parent.glob('*.md')):
+        for link in re.findall(r'\]\(([^)]+)\)', document.read_text()):
+            path, _, section = link.partition('#')
+            if ':' in path:
+                continue
+            target = document.parent / path if path else document
+            assert target.exists(), f'{document.name}: {link}'
+            if section:
+                heads = re.findall(r'^#+ (.+)$', target.read_text(), re.MULTILINE)
+                anchors = [re.sub(r'[^\w -]', '', h).lower().replace(' ', '-') for h in heads]
+                assert section in anchors, f'{document.name}: {link}'
+    readme = (DOCS.parent / 'README.md').read_text()
+    assert [path.name for path in DOCS.glob('*.md') if f'(docs/{path.name})' not in readme] == []
+
+
+def test_concepts_explain_each_term_once_and_show_each_picture():
+    text = (DOCS / 'concepts.md').read_text()
+    terms = re.findall(r'\*\*(.+?)\*\*', text)
+    assert len(terms) > 30
+    assert len({term.lower() for term in terms}) == len(terms)
+    assert re.findall(r'concepts/(\w+)\.svg', text) == list(DRAWINGS)
+
+
+@pytest.mark.parametrize('name', DRAWINGS)
+def test_pictures_of_concepts_are_drawn_from_the_model(name):
+    kept, drawn = ET.parse(PICTURES / f'{name}.svg').getroot(), ET.fromstring(svg(name))
+    text = '{http://www.w3.org/2000/svg}text'
+    assert [e.text for e in kept.iter(text)] == [e.text for e in drawn.iter(text)]
+    assert len(list(drawn.iter())) > 20
