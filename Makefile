@@ -42,7 +42,7 @@ docs: $(READY)  ## fill the generated sections of docs/ anew
 api: $(READY)  ## all docstrings as pages in build/api, by pdoc
 	$(BIN)/python -m pip install -q --disable-pip-version-check pdoc
 	$(BIN)/pdoc --docformat google --output-directory build/api \
-	  sim_node '!sim_node.batched' snca_ros '!snca_ros.__main__'
+	  sim_node snca_ros '!snca_ros.__main__'
 
 clean:  ## remove what the targets made, but neither runs nor bags
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

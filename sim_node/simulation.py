@@ -295,5 +295,5 @@ class Simulation:
 
     @property
     def velocity(self) -> np.ndarray:
-        """Return the velocity (v_x, v_y) [m/s] of the centre of mass."""
+        """Return v_x and v_y [m/s] of the centre of mass."""
         return self.world.masses[:, 3:5].mean(axis=0)
