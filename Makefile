@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
+TOOLS  := $(VENV)/.tools
 
 .DEFAULT_GOAL := help
 .PHONY: help setup walk test lint unit bench docs api clean
@@ -10,13 +11,17 @@ READY  := $(VENV)/.ready
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-setup: $(READY)  ## make .venv with ROS 2 Jazzy and everything else, from PyPI
+setup: $(TOOLS)  ## make .venv with ROS 2 Jazzy, all else and what tests need, from PyPI
 
 $(READY): setup.py
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
 	  || { echo 'Python 3.10 or newer is needed: make PYTHON=python3.12 ...'; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) \
 	  || { echo 'cannot make a virtual environment (Debian, Ubuntu: apt install python3-venv)'; exit 1; }
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[ros]'
+	@touch $@
+
+$(TOOLS): $(READY)
 	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[ros,test]'
 	@touch $@
 
@@ -25,21 +30,21 @@ walk: $(READY)  ## the trained biped walks 30 s, ten voxels in ten processes, re
 
 test: lint unit  ## everything that a change must pass
 
-lint: $(READY)  ## style and types
+lint: $(TOOLS)  ## style and types
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-unit: $(READY)  ## the tests: unit tests, then graphs of real processes
+unit: $(TOOLS)  ## the tests: unit tests, then graphs of real processes
 	$(BIN)/python -m pytest -n auto --dist loadfile test/sim_node test/snca_ros
 	$(BIN)/python -m pytest test/graph
 
-bench: $(READY)  ## speed of episodes, evolution and graphs, ratios first; writes bench.json
+bench: $(TOOLS)  ## speed of episodes, evolution and graphs, ratios first; writes bench.json
 	$(BIN)/python -m benchmarks --json bench.json
 
-docs: $(READY)  ## fill the generated sections of docs/ anew
+docs: $(TOOLS)  ## fill the generated sections of docs/ anew
 	$(BIN)/python -m docs.refresh
 
-api: $(READY)  ## all docstrings as pages in build/api, by pdoc
+api: $(TOOLS)  ## all docstrings as pages in build/api, by pdoc
 	$(BIN)/python -m pip install -q --disable-pip-version-check pdoc
 	$(BIN)/pdoc --docformat google --output-directory build/api \
 	  sim_node snca_ros '!snca_ros.__main__'
