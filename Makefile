@@ -6,7 +6,7 @@ READY  := $(VENV)/.ready
 TOOLS  := $(VENV)/.tools
 
 .DEFAULT_GOAL := help
-.PHONY: help setup walk test lint unit bench docs api clean
+.PHONY: help setup walk test lint unit bench docs api pictures clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -48,6 +48,13 @@ api: $(TOOLS)  ## all docstrings as pages in build/api, by pdoc
 	$(BIN)/python -m pip install -q --disable-pip-version-check pdoc
 	$(BIN)/pdoc --docformat google --output-directory build/api \
 	  sim_node snca_ros '!snca_ros.__main__'
+
+pictures: $(TOOLS)  ## make the pictures of README and docs/ anew
+	$(BIN)/snca render biped-U-nD-snn-h docs/walk.gif --start 8 --duration 6 --width 560
+	$(BIN)/snca assess biped-U-nD-snn-h --figure docs/robustness.png \
+	  --faults loss=0..0.9..0.1 --faults delay=0..10 --faults sensor_noise=0..0.5 \
+	  --faults death=0..1@5 --faults broken_actuators=frozen:0..1@5 \
+	  --faults broken_sensors=random:0..1@5
 
 clean:  ## remove what the targets made, but neither runs nor bags
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

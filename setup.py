@@ -14,8 +14,9 @@ EXECUTABLES = (
 ROS = ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces']
 CLUSTER = ['distributed']
 CMA = ['cma', 'threadpoolctl']
+VIDEO = ['imageio-ffmpeg']
 TEST = [
-    *CLUSTER, *CMA,
+    *CLUSTER, *CMA, *VIDEO,
     'pytest', 'pytest-xdist', 'hypothesis', 'lxml', 'ruff', 'mypy', 'types-PyYAML', 'wheel',
 ]
 
@@ -63,7 +64,7 @@ setup(
         'numpy', 'numba', 'pymunk>=7,<8', 'rosbags>=0.11', 'pyyaml', 'scipy', 'matplotlib',
         'pillow', 'shtab',
     ],
-    extras_require={'ros': ROS, 'test': TEST, 'cluster': CLUSTER, 'cma': CMA},
+    extras_require={'ros': ROS, 'test': TEST, 'cluster': CLUSTER, 'cma': CMA, 'video': VIDEO},
     entry_points={'console_scripts': ['snca = snca_ros.cli:main']},
     zip_safe=False,
 )

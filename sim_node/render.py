@@ -51,13 +51,13 @@ class View:
 
 
 def draw_frame(
-    corners: np.ndarray, area_ratios: np.ndarray, terrain: Terrain, view: View, text: str = ''
+    corners: np.ndarray, colors: np.ndarray, terrain: Terrain, view: View, text: str = ''
 ) -> 'Image':
     """Return an RGB picture of a robot.
 
     Args:
         corners: (n, 4, 2) outer corners [m] of its voxels.
-        area_ratios: (n,) area over area at rest, which colours them.
+        colors: (n, 4) RGBA in [0, 1], as from `area_colors`; A is ignored.
         terrain: the ground.
         view: what to show.
         text: to write into the upper left corner.
@@ -71,7 +71,7 @@ def draw_frame(
     image = Image.new('RGB', (fine.width, fine.height), _SKY)
     draw = ImageDraw.Draw(image)
     _draw_ground(draw, terrain, fine)
-    _draw_voxels(draw, corners, area_ratios, fine)
+    _draw_voxels(draw, corners, colors, fine)
     size = 0.045 * min(fine.width, 2 * fine.height)
     draw.text((0.6 * size, 0.5 * size), text, fill=_INK, anchor='lt', font=_font(size))
     return image.reduce(_OVERSAMPLING)
@@ -109,11 +109,10 @@ def _draw_ground(draw: 'ImageDraw', terrain: Terrain, view: View) -> None:
 
 
 def _draw_voxels(
-    draw: 'ImageDraw', corners: np.ndarray, area_ratios: np.ndarray, view: View
+    draw: 'ImageDraw', corners: np.ndarray, colors: np.ndarray, view: View
 ) -> None:
-    colors = (255 * area_colors(area_ratios)[:, :3]).round().astype(int)
     shapes = [[tuple(p) for p in voxel] for voxel in view.pixels(corners)]
-    for shape, color in zip(shapes, colors, strict=True):
+    for shape, color in zip(shapes, (255 * colors[:, :3]).round().astype(int), strict=True):
         draw.polygon(shape, fill=tuple(color))
     for shape in shapes:
         draw.line([*shape, *shape[:2]], fill=_OUTLINE, width=_line_width(view), joint='curve')

@@ -21,7 +21,7 @@ COMMANDS = {
     'assess': ('snca_ros.study.assess', 'score controllers on unseen terrains, from pushed starts'),
     'study': ('snca_ros.study.study', 'statistics and figures of campaigns, on one page'),
     'report': ('snca_ros.study.report', 'read a bag back: v_x, firing rates, lost messages'),
-    'render': ('snca_ros.study.render', 'draw a walking controller as GIF or PNG, offline'),
+    'render': ('snca_ros.study.render', 'draw walks of controllers and bags as GIF, MP4 or PNG'),
     'completion': ('snca_ros.completion', 'print what lets a shell complete commands and options'),
 }
 """Commands with an argparse command line: module and what it does."""

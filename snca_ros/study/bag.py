@@ -110,7 +110,7 @@ def read_bag(path: Path | str, episode: int = -1) -> Recording:
     path = Path(path)
     topics, closed = read_storage(path)
     try:
-        robot = _robot(topics)
+        robot = robot_of(topics)
         kinds = _stamped_kinds(topics, robot)
         streams = {name: decode(name, topics[name], kind) for name, kind in kinds.items()}
         walked = int(streams[f'/{robot}/odometry'].steps.max(initial=0))
@@ -129,7 +129,8 @@ def read_bag(path: Path | str, episode: int = -1) -> Recording:
     )
 
 
-def _robot(topics: dict[str, Topic]) -> str:
+def robot_of(topics: dict[str, Topic]) -> str:
+    """Return the namespace of the robot of a bag; InvalidInput if there is none, or several."""
     kind, end = KINDS['odometry'].type, '/odometry'
     found = [
         name[1 : -len(end)] for name, topic in topics.items()

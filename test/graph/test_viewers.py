@@ -10,6 +10,7 @@ import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 import yaml
 from conftest import ROOT
@@ -17,7 +18,10 @@ from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
+from snca_ros.box import find_controller
+from snca_ros.controller_file import load_controller
 from snca_ros.nodes.lifeline import PARENT
+from snca_ros.study.film import read_film, shoot
 
 CONFIG = ROOT / 'config'
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -35,8 +39,8 @@ SPIKES = {f'/biped/voxel_{v}/spikes' for v in (
 
 
 @pytest.fixture(scope='module')
-def walk(tmp_path_factory):
-    """Return connections and messages by topic of half a second of the biped in the box."""
+def bag(tmp_path_factory):
+    """Return a bag of half a second of the biped in the box."""
     bag = tmp_path_factory.mktemp('viewers') / 'bag'
     command = ['walk', '--duration', '0.5', '--voxels-per-process', '5', '--bag', str(bag)]
     run = subprocess.run(
@@ -45,6 +49,12 @@ def walk(tmp_path_factory):
         capture_output=True, check=False,
     )
     assert run.returncode == 0, run.stderr
+    return bag
+
+
+@pytest.fixture(scope='module')
+def walk(bag):
+    """Return connections and messages of the bag by topic."""
     with Reader(bag) as reader:
         connections = {c.topic: c for c in reader.connections}
         messages = {topic: [] for topic in connections}
@@ -152,3 +162,15 @@ def test_the_way_of_half_a_minute_is_in_view(layout, rviz, walk):
         (view['Focal Point']['X'], view['Distance']),
     ):
         assert middle - distance < start < middle < start + 140.0 < middle + distance
+
+
+def test_a_film_of_the_bag_is_the_walk_that_was_recorded(bag):
+    moments = np.arange(0, 31, 2) / 60
+    film = read_film(bag, moments)
+    walked = shoot(load_controller(find_controller('biped-U-nD-snn-h')), 'flat', moments)
+    np.testing.assert_array_equal(film.times, walked.times)
+    np.testing.assert_array_equal(film.centers, walked.centers)
+    np.testing.assert_array_equal(film.corners, walked.corners)
+    np.testing.assert_allclose(film.colors, walked.colors, rtol=1e-6)
+    np.testing.assert_array_equal(film.terrain.x, walked.terrain.x)
+    np.testing.assert_array_equal(film.terrain.y, walked.terrain.y)

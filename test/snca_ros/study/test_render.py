@@ -1,11 +1,24 @@
 """Pictures of a walk: right colours, right places, whole files."""
 
+import sys
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from imageio_ffmpeg import read_frames
 from PIL import Image
+from synthetic_bag import (
+    ground_marker,
+    make_walk,
+    messages_of_walk,
+    odometry,
+    robot_markers,
+    write_messages,
+)
 
+from sim_node.errors import InvalidInput
 from sim_node.morphology import parse_morphology
 from sim_node.render import View, area_colors, draw_frame
 from sim_node.simulation import Simulation
@@ -13,7 +26,9 @@ from sim_node.terrain import parse_terrain
 from snca_ros.cell.nca import Architecture
 from snca_ros.cli import BAD_INPUT, main
 from snca_ros.controller_file import TrainedController, save_controller
-from snca_ros.study.render import follow, shoot
+from snca_ros.study.film import read_film, shoot
+from snca_ros.study.render import follow
+from snca_ros.study.storage import read_storage
 
 VIEW = View(left=10.0, bottom=0.0, scale=20.0, width=400, height=300)
 
@@ -52,7 +67,7 @@ def test_a_frame_shows_sky_ground_and_voxels_where_they_are():
     terrain = parse_terrain('flat')
     square = np.array([[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]])
     corners = square + np.array([[[15.0, 8.0]], [[20.0, 8.0]]])
-    image = draw_frame(corners, np.array([0.7, 1.3]), terrain, VIEW, '1.0 s')
+    image = draw_frame(corners, area_colors(np.array([0.7, 1.3])), terrain, VIEW, '1.0 s')
     assert image.size == (400, 300)
     assert image.mode == 'RGB'
     for place, color in zip([(15.0, 8.0), (20.0, 8.0)], area_colors([0.7, 1.3]), strict=True):
@@ -72,16 +87,20 @@ def test_a_film_is_the_walk(trained):
         readings = simulation.step(controller.step(readings))
     np.testing.assert_array_equal(film.times, [0.0, 0.5, 1.0])
     np.testing.assert_array_equal(film.corners[2], simulation.world.corners)
-    np.testing.assert_array_equal(film.area_ratios[2], simulation.world.area_ratios)
+    np.testing.assert_array_equal(film.colors[2], area_colors(simulation.world.area_ratios))
     np.testing.assert_array_equal(film.centers[2], simulation.center)
 
 
 def test_the_camera_keeps_the_robot_in_the_picture(trained):
-    film = shoot(trained, 'hilly-1-10-0', np.arange(0.0, 4.0, 0.1))
-    for view, corners in zip(follow(film, 320, 2.4), film.corners, strict=True):
-        places = view.pixels(corners).reshape(-1, 2)
-        assert (places >= 0.0).all()
-        assert (places <= [view.width, view.height]).all()
+    moments = np.arange(0.0, 4.0, 0.1)
+    films = [shoot(trained, terrain, moments) for terrain in ('hilly-1-10-0', 'flat')]
+    views = follow(films, 320, 2.4, headroom=2.0)
+    assert len({(v.scale, v.width, v.height) for of_film in views for v in of_film}) == 1
+    for film, of_film in zip(films, views, strict=True):
+        for view, corners in zip(of_film, film.corners, strict=True):
+            places = view.pixels(corners).reshape(-1, 2)
+            assert (places >= [0.0, 2.0 * view.scale - 1.0]).all()
+            assert (places <= [view.width, view.height]).all()
 
 
 def test_a_gif(controller, tmp_path, capsys):
@@ -101,6 +120,118 @@ def test_a_gif(controller, tmp_path, capsys):
     assert '20 pictures' in capsys.readouterr().out
 
 
+@pytest.fixture
+def bag(tmp_path, trained):
+    """Return a bag of the controller's first two seconds, with markers as the simulation sends."""
+    film = shoot(trained, 'hilly-1-10-0', np.arange(0.0, 2.01, 1 / 60))
+    walk = make_walk(len(film.times) - 1)
+    steps = messages_of_walk(replace(walk, centers=film.centers))
+    for k, messages in enumerate(steps):
+        steps[k] = [m for m in messages if m[0] != '/biped/markers']
+        if k % 2 == 0:
+            steps[k].append(('/biped/markers', robot_markers(film.corners[k], film.colors[k])))
+        if k % 60 == 0:
+            steps[k].append(('/biped/markers', ground_marker(film.terrain)))
+    return write_messages(tmp_path / 'bag', steps), film
+
+
+def test_a_film_of_a_bag_is_the_walk_that_was_recorded(bag):
+    path, walked = bag
+    film = read_film(path, np.array([0.0, 0.5, 1.0, 1.02, 2.0, 3.0]))
+    np.testing.assert_array_equal(film.times, np.array([0, 30, 60, 61, 120]) / 60)
+    shown = [0, 30, 60, 60, 120]  # markers come every other step; the walk ends before 3 s
+    np.testing.assert_array_equal(film.centers, walked.centers[shown])
+    np.testing.assert_array_equal(film.corners, walked.corners[shown])
+    np.testing.assert_allclose(film.colors, walked.colors[shown], rtol=1e-6)
+    np.testing.assert_array_equal(film.terrain.y, walked.terrain.y)
+
+
+def test_a_film_is_of_the_last_episode(bag, tmp_path):
+    _, walked = bag
+    steps = [[('/biped/odometry', odometry(k, walked.centers[90 + k]))] for k in range(30)]
+    for k in range(0, 30, 2):
+        shown = robot_markers(walked.corners[90 + k], walked.colors[90 + k])
+        steps[k].append(('/biped/markers', shown))
+    steps[0].append(('/biped/markers', ground_marker(walked.terrain)))
+    first = [[('/biped/odometry', odometry(k, walked.centers[k]))] for k in range(60)]
+    film = read_film(write_messages(tmp_path / 'reset', first + steps), np.array([0.0, 0.1]))
+    np.testing.assert_array_equal(film.corners, walked.corners[[90, 96]])
+
+
+def test_bags_that_give_no_film(bag, tmp_path, capsys):
+    path, _ = bag
+    bare = write_messages(tmp_path / 'bare', messages_of_walk(make_walk(30)))
+    out = str(tmp_path / 'walk.gif')
+    for arguments, word in (
+        ([str(path), out, '--start', '2.5'], 'start'),
+        ([str(path), out, '--terrain', 'flat'], 'terrain'),
+        ([str(bare), out], 'markers'),
+        ([str(tmp_path), out], 'bag'),
+    ):
+        assert main(['render', *arguments]) == BAD_INPUT
+        assert word in capsys.readouterr().err
+
+
+@settings(derandomize=True, max_examples=60, database=None,
+          suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_damaged_markers_are_refused_or_drawn(bag, data):
+    path, _ = bag
+    topics, closed = read_storage(path)
+    markers = topics['/biped/markers'].messages
+    k = data.draw(st.integers(0, 3))
+    byte = data.draw(st.integers(0, len(markers[k]) - 1))
+    end = data.draw(st.sampled_from([byte, None]))
+    changed = bytes([markers[k][byte] ^ data.draw(st.integers(1, 255))])
+    markers[k] = markers[k][:byte] if end else (
+        markers[k][:byte] + changed + markers[k][byte + 1 :]
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr('snca_ros.study.film.read_storage', lambda path: (topics, closed))
+        try:
+            film = read_film(path, np.array([0.0, 0.05, 0.1]))
+        except InvalidInput:
+            return
+    assert film.corners.shape == (3, 3, 4, 2)
+    assert film.colors.shape == (3, 3, 4)
+
+
+def test_a_movie_of_controller_and_bag_side_by_side(controller, bag, tmp_path, capsys):
+    out = tmp_path / 'walks.mp4'
+    assert main([
+        'render', controller, str(bag[0]), str(out), '--label', 'new', '--label', 'recorded',
+        '--width', '401', '--fps', '25', '--duration', '3',
+    ]) == 0
+    assert '51 pictures' in capsys.readouterr().out  # the bag ends after 2 s
+    frames = read_frames(str(out))
+    about = next(frames)
+    assert (about['codec'], about['fps'], about['duration']) == ('h264', 25.0, 2.04)
+    assert (about['size'][0], len(list(frames))) == (398, 51)
+
+
+def test_robots_above_one_another_have_their_names(controller, tmp_path):
+    out, single = tmp_path / 'walks.gif', tmp_path / 'walk.gif'
+    options = ['--duration', '0.1', '--width', '300']
+    assert main(['render', controller, controller, str(out), *options, '--columns', '1']) == 0
+    assert main(['render', controller, str(single), *options]) == 0
+    with Image.open(out) as both, Image.open(single) as one:
+        height = (both.size[1] - 6) // 2
+        assert both.size == (300, 2 * height + 6)
+        assert height > one.size[1]  # room for the labels
+        label = both.convert('RGB').crop((0, 0, 300, 20))
+        upper, lower = (
+            both.convert('RGB').crop((0, y, 300, y + height)) for y in (0, height + 6)
+        )
+        assert upper.tobytes() == lower.tobytes()
+        assert label.tobytes() != one.convert('RGB').crop((0, 0, 300, 20)).tobytes()
+
+
+def test_without_the_extra_the_way_to_it_is_told(controller, tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, 'imageio_ffmpeg', None)
+    assert main(['render', controller, str(tmp_path / 'a.mp4'), '--duration', '0.1']) == BAD_INPUT
+    assert 'snca_ros[video]' in capsys.readouterr().err
+
+
 def test_a_strip(controller, tmp_path):
     out = tmp_path / 'walk.png'
     assert main(['render', controller, str(out), '--duration', '1', '--width', '640']) == 0
@@ -110,7 +241,7 @@ def test_a_strip(controller, tmp_path):
 
 @pytest.mark.parametrize('options', [
     ['--fps', '0'], ['--fps', 'nan'], ['--duration', '-1'], ['--width', '1'], ['--start', '-1'],
-    ['--terrain', 'moon'],
+    ['--terrain', 'moon'], ['--columns', '2'], ['--columns', '0'], ['--label', 'a', '--label', 'b'],
 ])
 def test_bad_options_leave_no_file(controller, tmp_path, capsys, options):
     assert main(['render', controller, str(tmp_path / 'walk.gif'), *options]) == BAD_INPUT
@@ -120,7 +251,7 @@ def test_bad_options_leave_no_file(controller, tmp_path, capsys, options):
 
 def test_bad_files(controller, tmp_path, capsys):
     for arguments in (
-        [controller, str(tmp_path / 'walk.mp4')],
+        [controller, str(tmp_path / 'walk.avi')],
         [controller, str(tmp_path / 'nowhere' / 'walk.gif'), '--duration', '0.1'],
         [str(tmp_path / 'nothing.npz'), str(tmp_path / 'walk.gif')],
     ):
