@@ -8,7 +8,8 @@ from setuptools import find_packages, setup
 PACKAGE = 'snca_ros'
 EXECUTABLES = (
     'sim_node', 'voxel_node', 'recorder_node',
-    'evolve', 'walk', 'voxels', 'policy', 'campaign', 'study', 'assess', 'report', 'render',
+    'evolve', 'history', 'walk', 'voxels', 'policy', 'campaign', 'study', 'assess', 'report',
+    'render',
 )
 
 ROS = ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces']

@@ -17,6 +17,7 @@ COMMANDS = {
     'voxels': ('snca_ros.nodes.voxels', 'run some voxels of a robot that walks on another machine'),
     'policy': ('snca_ros.nodes.policy', 'write who of a robot may say and hear what, for SROS 2'),
     'evolve': ('snca_ros.evolution.evolve', 'train parameters offline'),
+    'history': ('snca_ros.study.history', 'show how runs of evolve went, or how they are going'),
     'campaign': ('snca_ros.study.campaign', 'evolve and assess many runs, resumable'),
     'assess': ('snca_ros.study.assess', 'score controllers on unseen terrains, from pushed starts'),
     'study': ('snca_ros.study.study', 'statistics and figures of campaigns, on one page'),

@@ -1,23 +1,54 @@
 """How far a long command is, told on standard error."""
 
 import math
+import shutil
 import sys
 import time
+
+import numpy as np
+
+_BLOCKS = ' ▁▂▃▄▅▆▇█'
+
+
+def bars(values: np.ndarray, width: int, height: int = 1) -> list[str]:
+    """Return a bar chart of numbers as `height` lines of text, the upper one first.
+
+    Args:
+        values: (n,) numbers, n > 0; the lowest and what is not finite get the lowest bar.
+        width: characters; of more numbers some are left out, of fewer some repeated, evenly.
+        height: lines.
+    """
+    shown = np.linspace(0, len(values) - 1, width).round().astype(int)
+    values = np.where(np.isfinite(values), values, np.nan)[shown]
+    with np.errstate(invalid='ignore'):
+        low, high = np.nanmin(values, initial=np.inf), np.nanmax(values, initial=-np.inf)
+        share = np.nan_to_num((values - low) / (high - low))
+    eighths = 1 + np.round(share * (8 * height - 1)).astype(int)
+    return [
+        ''.join(_BLOCKS[n] for n in np.clip(eighths - 8 * row, 0, 8))
+        for row in reversed(range(height))
+    ]
 
 
 class StatusLine:
     """On a terminal one line that changes; elsewhere a line every so many seconds."""
 
-    def __init__(self, every: float = 10.0) -> None:
+    def __init__(self, every: float = 60.0) -> None:
         self._every, self._shown = every, time.monotonic()
         self._live = sys.stderr.isatty()
 
+    @property
+    def width(self) -> int:
+        """Return how many characters fit; 0 if this is no terminal."""
+        return shutil.get_terminal_size().columns - 1 if self._live else 0
+
     def show(self, text: str, last: bool = False) -> None:
-        """Show `text` if it is time to, or if it is the last."""
+        """Show `text` if it is time to, or if it is the last; what does not fit is cut off."""
         now = time.monotonic()
         if not (self._live or last or now - self._shown >= self._every):
             return
         self._shown = now
+        text = text[: self.width] if self._live else text
         end = '\n' if last or not self._live else ''
         print(f'\r\x1b[K{text}' if self._live else text, end=end, file=sys.stderr, flush=True)
 

@@ -1,6 +1,7 @@
 """The offline evolution script: trains the parameters that the voxel nodes load."""
 
 import argparse
+import math
 import signal
 import sys
 from collections.abc import Callable
@@ -19,7 +20,7 @@ from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evaluator import evaluate
 from snca_ros.evolution.strategy import STRATEGIES, Strategy
 from snca_ros.evolution.workers import Workers, add_worker_arguments, open_workers
-from snca_ros.status import StatusLine, TimeLeft
+from snca_ros.status import StatusLine, TimeLeft, bars
 
 INTERRUPTED = 130
 
@@ -29,6 +30,8 @@ EXAMPLES = """
   snca evolve --shape 1111-1001 --architecture nU-D --neuron-model mlp --seed 3
   snca evolve --terrain hilly-1-10-0 --strategy cma --workers 4
 """
+
+_TEXT_WIDTH, _SHORTEST_BAR, _LONGEST_BAR = 71, 8, 40  # of the progress line [characters]
 
 
 def evolve(
@@ -92,7 +95,7 @@ def _history_row(
 
 
 class ProgressLine:
-    """Tells how far a run is."""
+    """Tells how far a run is; on a terminal with a bar that is the best v_x so far, drawn."""
 
     def __init__(self, total: int, done: int) -> None:
         self._line = StatusLine()
@@ -101,13 +104,23 @@ class ProgressLine:
     def __call__(self, progress: Progress) -> None:
         """Show `progress` if it is time to."""
         done, total = progress.evaluations, self._left.total
-        generation, _, best, median, _, best_so_far = progress.history[-1]
-        self._line.show(
-            f'generation {int(generation):4d}  {done}/{total} evaluations  '
-            f'v_x best {best_so_far:.3f} (this generation {best:.3f}, median {median:.3f})  '
-            f'{self._left.told(done)}',
-            last=done >= total,
+        _, _, best, median, worst, best_so_far = progress.history[-1]
+        text = (
+            f'{self._left.told(done)}  best {best_so_far:.2f}  median {median:.2f} '
+            f'({worst:.2f}…{best:.2f}) m/s'
         )
+        bar = self._bar(progress)
+        head = f'{bar}  {100 * done // total} %' if bar else f'{done}/{total} evaluations'
+        self._line.show(f'{head}  {text}', last=done >= total)
+
+    def _bar(self, progress: Progress) -> str:
+        """Return the best v_x so far over the evaluations, up to now; '' where it has no room."""
+        width = min(self._line.width - _TEXT_WIDTH, _LONGEST_BAR)
+        if width < _SHORTEST_BAR:
+            return ''
+        so_far = np.array([row[-1] for row in progress.history])
+        full = math.ceil(width * progress.evaluations / self._left.total)
+        return f'{bars(so_far, full)[0]:·<{width}}'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

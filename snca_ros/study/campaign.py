@@ -35,7 +35,7 @@ class Campaign:
         self.running: dict[Future[Outcome], RunConfig] = {}
         self.failed: dict[str, str] = {}
         self._crashes: Counter[str] = Counter()
-        self._line = StatusLine(every=60.0)
+        self._line = StatusLine()
         self._left = TimeLeft(sum(c.evaluations for c in configs), self._evaluations())
 
     def work(self, workers: Workers) -> None:
