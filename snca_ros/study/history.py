@@ -16,6 +16,12 @@ from snca_ros.evolution.checkpoint import HISTORY
 from snca_ros.evolution.config import RunConfig
 from snca_ros.status import bars
 
+EXAMPLES = """
+  snca history runs/tripod                          # how it went, or is going
+  snca history runs/tripod --watch                  # drawn again after every generation
+  snca history runs/* --figure histories.png
+"""
+
 _WIDTH, _HEIGHT = 60, 4  # of a run's chart [characters]
 _LOOK_EVERY = 1.0  # s
 
