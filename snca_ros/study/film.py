@@ -85,33 +85,36 @@ def read_film(path: Path, moments: np.ndarray) -> Film:
     """
     topics, _ = read_storage(path)
     try:
-        robot = robot_of(topics)
-        odometry, since = _last_episode(topics, f'/{robot}/odometry')
-        markers = topics.get(f'/{robot}/markers')
-        if markers is None or markers.type != _MARKERS:
-            raise InvalidInput(f'/{robot}/markers', markers and markers.type, _MARKERS)
-        shown = _holding('voxels', markers, since)
-        ground = _marker('ground', markers, _holding('ground', markers, since)[0])
-        at = _belonging(odometry, markers.times[shown])
-        wanted = np.round(moments * CONTROL_RATE)
-        wanted = wanted[wanted <= odometry.steps[-1]]
-        if not len(wanted):
-            end = odometry.steps[-1] / CONTROL_RATE
-            raise InvalidInput('start', moments[0], f'at most {end:.2f} s, the end of the walk')
-        chosen = np.searchsorted(odometry.steps[at], wanted, side='right') - 1
-        chosen = np.maximum(chosen, 0)
-        voxels = [_marker('voxels', markers, i) for i in shown[chosen]]
-        points = np.array([_points(v, len(voxels[0].points) // 6 * 6) for v in voxels])
-        colors = np.array([_colors(v, points.shape[1]) for v in voxels])
-        x, y = _points(ground, len(ground.points)).T
+        return _recorded(topics, robot_of(topics), moments)
     except InvalidInput as error:
         raise error.found_in(str(path)) from None
+
+
+def _recorded(topics: dict[str, Topic], robot: str, moments: np.ndarray) -> Film:
+    odometry, since = _last_episode(topics, f'/{robot}/odometry')
+    markers = topics.get(f'/{robot}/markers')
+    if markers is None or markers.type != _MARKERS:
+        raise InvalidInput(f'/{robot}/markers', markers and markers.type, _MARKERS)
+    wanted = np.round(moments * CONTROL_RATE)
+    wanted = wanted[wanted <= odometry.steps[-1]]
+    if not len(wanted):
+        end = odometry.steps[-1] / CONTROL_RATE
+        raise InvalidInput('start', moments[0], f'at most {end:.2f} s, the end of the walk')
+    shown = _holding('voxels', markers, since)
+    at = _belonging(odometry, markers.times[shown])
+    chosen = np.searchsorted(odometry.steps[at], wanted, side='right') - 1
+    chosen = np.maximum(chosen, 0)
+    voxels = [_marker('voxels', markers, i) for i in shown[chosen]]
+    n = len(voxels[0].points) // 6 * 6
+    points = np.array([_points(marker, n) for marker in voxels])
+    colors = np.array([_colors(marker, n) for marker in voxels])
+    ground = _marker('ground', markers, _holding('ground', markers, since)[0])
     return Film(
         wanted / CONTROL_RATE,
         odometry.numbers[at[chosen]],
         points.reshape(len(wanted), -1, 6, 2)[:, :, _CORNERS],
         colors[:, ::6],
-        Terrain('recorded', x, y),
+        Terrain('recorded', *_points(ground, len(ground.points)).T),
     )
 
 

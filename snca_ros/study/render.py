@@ -22,6 +22,7 @@ EXAMPLES = """
   snca render biped-U-nD-snn-h walk.gif
   snca render runs/tripod/best.npz hills.gif --terrain hilly-1-10-0 --start 5 --duration 10
   snca render biped-U-nD-snn-h poses.png
+  snca render biped-U-nD-snn-h bags/mine both.mp4 --label offline --label recorded --columns 1
 """
 
 _N_POSES = 4  # in a strip

@@ -172,8 +172,7 @@ def test_bags_that_give_no_film(bag, tmp_path, capsys):
         assert word in capsys.readouterr().err
 
 
-@settings(derandomize=True, max_examples=60, database=None,
-          suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 def test_damaged_markers_are_refused_or_drawn(bag, data):
     path, _ = bag
