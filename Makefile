@@ -55,6 +55,7 @@ pictures: $(TOOLS)  ## make the pictures of README and docs/ anew
 	  --faults loss=0..0.9..0.1 --faults delay=0..10 --faults sensor_noise=0..0.5 \
 	  --faults death=0..1@5 --faults broken_actuators=frozen:0..1@5 \
 	  --faults broken_sensors=random:0..1@5
+	$(BIN)/python -m docs.concept_pictures
 
 clean:  ## remove what the targets made, but neither runs nor bags
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
