@@ -19,7 +19,7 @@ from snca_ros.cli import COMMANDS, NODES, load
 from snca_ros.evolution.strategy import STRATEGIES
 
 EXAMPLES = """
-  eval "$(snca completion bash)"                    # in ~/.bashrc
+  snca completion bash > ~/.snca-completion         # and in ~/.bashrc: . ~/.snca-completion
   snca completion zsh > ~/.zfunc/_snca              # with ~/.zfunc in fpath
 """
 

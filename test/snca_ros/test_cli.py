@@ -87,7 +87,7 @@ def test_help_explains_every_option_and_its_examples_are_no_errors(name):
     examples = parser.format_help().partition('examples:\n')[2].splitlines()
     assert any(f'snca {name} ' in f'{example} ' for example in examples)
     for example in [*examples, *cli.EXAMPLES.strip().splitlines()]:
-        words = shlex.split(example.split('$(')[-1].split(')')[0].split('>')[0], comments=True)
+        words = shlex.split(example.partition('>')[0], comments=True)
         assert words[0] == 'snca'
         parser_of(words[1]).parse_args(words[2:])
 
