@@ -43,16 +43,17 @@ def test_the_tutorial_does_what_it_says(tmp_path):
         (bin_folder / name).chmod(0o755)
     path = f'{bin_folder}{os.pathsep}{os.environ["PATH"]}'
     environment = {**os.environ, 'PATH': path, 'PYTHONPATH': str(ROOT)}
-    said, walking = [], None
+    said, children, walking = [], [], None
 
     def start(block):
-        return subprocess.Popen(
+        children.append(subprocess.Popen(
             ['bash', '-euc', block], cwd=tmp_path, env=environment, text=True,
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-        )
+        ))
+        return children[-1]
 
     def finish(child):
-        output, _ = child.communicate(timeout=200)
+        output, _ = child.communicate(timeout=600)  # on a cold cache the first one compiles
         assert child.returncode == 0, f'{child.args[-1]}\n{output}'
         said.append(output)
 
@@ -67,9 +68,10 @@ def test_the_tutorial_does_what_it_says(tmp_path):
             else:
                 finish(start(block))
     finally:
-        if walking is not None and walking.poll() is None:
-            walking.kill()
-            walking.communicate()
+        for child in children:
+            if child.poll() is None:
+                child.kill()
+                child.communicate()
 
     log = '\n'.join(said)
     assert log.count('bit for bit the same') >= 2  # whole and dead
