@@ -9,7 +9,7 @@ PACKAGE = 'snca_ros'
 EXECUTABLES = (
     'sim_node', 'voxel_node', 'recorder_node',
     'evolve', 'history', 'walk', 'voxels', 'policy', 'campaign', 'study', 'assess', 'report',
-    'render',
+    'replay', 'render',
 )
 
 ROS = ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces']
@@ -18,7 +18,8 @@ CMA = ['cma', 'threadpoolctl']
 VIDEO = ['imageio-ffmpeg']
 TEST = [
     *CLUSTER, *CMA, *VIDEO,
-    'pytest', 'pytest-xdist', 'hypothesis', 'lxml', 'ruff', 'mypy', 'types-PyYAML', 'wheel',
+    'pytest', 'pytest-xdist', 'hypothesis', 'playwright', 'lxml', 'ruff', 'mypy',
+    'types-PyYAML', 'wheel',
 ]
 
 
@@ -52,7 +53,10 @@ setup(
     maintainer_email='maintainers@snca-ros.example',
     license='Apache-2.0',
     packages=find_packages(include=['sim_node', 'sim_node.*', 'snca_ros', 'snca_ros.*']),
-    package_data={'sim_node': ['py.typed'], 'snca_ros': ['py.typed']},
+    package_data={
+        'sim_node': ['py.typed'],
+        'snca_ros': ['py.typed', 'view/*.html', 'view/*.css', 'view/*.js', 'view/uplot/*'],
+    },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),

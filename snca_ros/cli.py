@@ -22,6 +22,7 @@ COMMANDS = {
     'assess': ('snca_ros.study.assess', 'score controllers on unseen terrains, from pushed starts'),
     'study': ('snca_ros.study.study', 'statistics and figures of campaigns, on one page'),
     'report': ('snca_ros.study.report', 'read a bag back: v_x, firing rates, lost messages'),
+    'replay': ('snca_ros.view.replay', 'a page that plays a walk: of a controller, run or bag'),
     'render': ('snca_ros.study.render', 'draw walks of controllers and bags as GIF, MP4 or PNG'),
     'completion': ('snca_ros.completion', 'print what lets a shell complete commands and options'),
 }

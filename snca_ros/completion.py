@@ -53,7 +53,7 @@ def _add_choices(command: argparse.ArgumentParser) -> None:
         'shape': SHAPES, 'architecture': ARCHITECTURES, 'neuron_model': NEURON_MODELS,
         'engine': ENGINES, 'strategy': STRATEGIES, 'terrain': ('flat', *UNSEEN_TERRAINS),
         'controller': (file, *boxed_controllers()), 'controllers': (file, *boxed_controllers()),
-        'shell': shtab.SUPPORTED_SHELLS,
+        'source': (file, *boxed_controllers()), 'shell': shtab.SUPPORTED_SHELLS,
     }
     for action in command._actions:
         action.choices = choices.get(action.dest, (file,) if action.type is Path else None)

@@ -11,6 +11,7 @@ import numpy as np
 from sim_node.errors import InvalidInput
 from sim_node.sensors import N_SENSORS
 from snca_ros.study.health import NodeHealth, read_health
+from snca_ros.study.poses import Poses, read_poses
 from snca_ros.study.storage import Topic, read_storage
 from snca_ros.study.streams import KINDS, Stream, decode
 
@@ -72,6 +73,7 @@ class Recording:
         counts: one per topic, sorted by name; a topic that should be there and is not has lost
             everything.
         health: what each node said of itself, by its name; of all episodes.
+        poses: what the robot looked like; None if the bag has no markers.
     """
 
     path: Path
@@ -89,6 +91,7 @@ class Recording:
     rate: float
     counts: tuple[TopicCount, ...]
     health: dict[str, NodeHealth]
+    poses: Poses | None = None
 
     @property
     def n_steps(self) -> int:
@@ -115,18 +118,34 @@ def read_bag(path: Path | str, episode: int = -1) -> Recording:
         streams = {name: decode(name, topics[name], kind) for name, kind in kinds.items()}
         walked = int(streams[f'/{robot}/odometry'].steps.max(initial=0))
         streams = {name: stream.until(walked) for name, stream in streams.items()}
+        reference = streams[f'/{robot}/odometry']
         episode, n_episodes, streams = _one_episode(streams, f'/{robot}/odometry', episode)
         health = read_health(topics, robot)
         for name in _absent_topics(robot, streams, health):
             streams[name] = Stream.empty(KINDS[name.rpartition('/')[2]])
         arrays = _arrays(robot, streams)
+        poses = None
+        if f'/{robot}/markers' in topics:
+            poses = read_poses(
+                topics[f'/{robot}/markers'], streams[f'/{robot}/odometry'],
+                _bounds(reference, episode), len(arrays['voxel_names']),
+            )
     except InvalidInput as error:
         raise error.found_in(str(path)) from None
     return Recording(
         path=path, closed=closed, robot=robot, episode=episode, n_episodes=n_episodes,
         rate=_rate(streams[f'/{robot}/odometry']),
-        counts=_counts(topics, streams, len(arrays['centers'])), health=health, **arrays,
+        counts=_counts(topics, streams, len(arrays['centers'])), health=health, poses=poses,
+        **arrays,
     )
+
+
+def _bounds(odometry: Stream, episode: int) -> tuple[float, float]:
+    """Return the wall times [ns] between which an episode happened."""
+    starts = odometry.starts()[1:]
+    edges = (odometry.times[starts - 1] + odometry.times[starts]) / 2
+    edges = np.concatenate([[-np.inf], edges, [np.inf]])
+    return edges[episode], edges[episode + 1]
 
 
 def robot_of(topics: dict[str, Topic]) -> str:

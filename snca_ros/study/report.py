@@ -18,6 +18,7 @@ from snca_ros.study.health import OUTCOMES
 EXAMPLES = """
   snca report bags/mine
   snca report bags/mine --json walk.json --figure walk.svg
+  snca report bags/mine --html                      # a page that plays the walk
   snca report bags/mine --episode 0                 # of a bag with resets
 """
 
@@ -30,6 +31,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--figure', type=Path, metavar='FILE',
                         help='picture to draw, .png, .svg or .pdf (default BAG/report.png)')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the numbers here too')
+    parser.add_argument('--html', type=Path, nargs='?', const=True, metavar='FILE',
+                        help='page that plays the walk (default BAG/replay.html)')
+    parser.add_argument('--controller', metavar='CONTROLLER',
+                        help='that walked in the bag: adds thresholds to the page')
     parser.add_argument('--episode', type=int, default=-1, metavar='N',
                         help='of a bag with resets, from 0 (default: the last)')
 
@@ -51,6 +56,11 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     figure = args.figure or args.bag / 'report.png'
     write_figure(draw_recording(recording), figure)
     print(f'\nfigure: {figure}')
+    if args.html:
+        from snca_ros.view.replay import write_bag_page
+
+        page = args.bag / 'replay.html' if args.html is True else args.html
+        write_bag_page(recording, page, args.controller)
     return 0
 
 

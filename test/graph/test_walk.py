@@ -5,8 +5,14 @@ import signal
 import threading
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import children_of, is_alive
+
+from snca_ros.controller_file import load_controller
+from snca_ros.faults import parse_faults
+from snca_ros.study.bag import read_bag
+from snca_ros.study.offline import record_offline
 
 TICK = threading.Event()
 
@@ -40,6 +46,11 @@ def test_walk_equals_its_offline_twin(start, make_controller, tmp_path, faults):
     assert {'metadata.yaml', 'bag.mcap', 'report.png'} <= {
         p.name for p in (tmp_path / 'bag').iterdir()
     }
+    trained = load_controller(tmp_path / '11-10-U-nD-snn-h-0.npz')
+    twin, _ = record_offline(trained, tmp_path, 1.5, faults=parse_faults(faults))
+    poses = read_bag(tmp_path / 'bag').poses
+    np.testing.assert_array_equal(poses.corners, twin.poses.corners[poses.steps])
+    np.testing.assert_array_equal(poses.ground, twin.poses.ground)
 
 
 @pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])

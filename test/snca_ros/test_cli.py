@@ -109,7 +109,7 @@ def test_wrong_options_are_one_line(arguments, hint, capsys):
 
 
 @pytest.mark.parametrize(('words', 'expected'), [
-    ('re', {'report', 'render', 'recorder_node'}),
+    ('re', {'report', 'replay', 'render', 'recorder_node'}),
     ('evolve --neuron', {'--neuron-model'}),
     ('evolve --shape bi', {'biped'}),
     ('assess bip', {'biped-U-nD-snn-h', 'bipedal.npz'}),

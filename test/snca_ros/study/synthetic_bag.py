@@ -32,6 +32,8 @@ class Walk:
     actuation: np.ndarray  # (n, n_voxels)
     spikes: np.ndarray | None = None  # (n, n_voxels, n_channels, 16)
     values: np.ndarray | None = None  # (n, n_voxels, n_channels)
+    corners: np.ndarray | None = None  # (n + 1, n_voxels, 4, 2)
+    ground: np.ndarray | None = None  # (n_points, 2)
 
 
 def make_walk(
@@ -125,6 +127,13 @@ def clock(step: int):
     )
 
 
+def markers(points: Mapping[str, np.ndarray]):
+    """Return a marker per namespace, with its (n, 2) points."""
+    return TYPES['visualization_msgs/msg/MarkerArray'](
+        [_marker(namespace, 11, places) for namespace, places in points.items()]
+    )
+
+
 def diagnostics(node: str, figures: Mapping[str, object], process: str = 'host:1'):
     pairs = [
         TYPES['diagnostic_msgs/msg/KeyValue'](key, str(value)) for key, value in figures.items()
@@ -137,7 +146,12 @@ def messages_of_step(walk: Walk, step: int, robot: str = 'biped') -> list[Messag
     """Return what the graph sends in control step `step`."""
     out = [('/clock', clock(step)), (f'/{robot}/odometry', odometry(step, walk.centers[step]))]
     if step % 2 == 0:
-        out.append((f'/{robot}/markers', TYPES['visualization_msgs/msg/MarkerArray']([])))
+        points = {} if walk.corners is None else {
+            'voxels': walk.corners[step][:, [0, 1, 2, 0, 2, 3]].reshape(-1, 2)
+        }
+        out.append((f'/{robot}/markers', markers(points)))
+    if step % 60 == 0 and walk.ground is not None:
+        out.append((f'/{robot}/markers', markers({'ground': walk.ground})))
     if step == len(walk.actuation):
         return out
     for i, voxel in enumerate(walk.voxels):

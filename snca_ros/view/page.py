@@ -1,0 +1,111 @@
+"""The page of a walk: one HTML file that needs nothing else."""
+
+import html
+import json
+from collections.abc import Sequence
+from importlib import resources
+from string import Template
+
+import numpy as np
+
+from sim_node.stamps import CONTROL_RATE
+from snca_ros.evolution.locomotion import TRANSIENT
+from snca_ros.study.bag import Recording
+from snca_ros.study.gait import measure_gait
+from snca_ros.view.frames import FRAME_STEPS, Frames, make_frames
+
+_STYLES = ('uplot/uPlot.min.css', 'page.css')
+_SCRIPTS = ('uplot/uPlot.iife.min.js', 'walk.js', 'stage.js', 'raster.js', 'plots.js', 'player.js')
+
+_LEGEND = """
+<span><i class="area"></i>area: contracted, at rest, expanded</span>
+<span><i class="touch"></i>touches the ground</span>
+<span><i class="command"></i>inner square: what the cell commands, small to contract</span>
+"""
+
+
+def walk_page(
+    recording: Recording,
+    title: str,
+    *,
+    facts: Sequence[str] = (),
+    thresholds: np.ndarray | None = None,
+    directional: bool | None = None,
+    history: dict[str, list[float | None]] | None = None,
+) -> str:
+    """Return the HTML that plays a walk.
+
+    Args:
+        recording: the walk, of a bag or of `record_offline`.
+        title: of the page.
+        facts: lines below the title, besides those of the gait.
+        thresholds: (n_steps, n_voxels) [mV], if they are known.
+        directional: whether cells send each side something else; None if nobody knows.
+        history: of the evolution, columns of history.csv by name.
+
+    Raises:
+        InvalidInput: the recording holds no poses.
+    """
+    frames = make_frames(recording, thresholds)
+    spiking = recording.spikes is not None
+    messages = recording.spikes if spiking else recording.values
+    header = {
+        'rate': CONTROL_RATE, 'stride': frames.stride, 'steps': recording.n_steps,
+        'voxels': recording.voxel_names, 'ground': frames.ground.T.tolist(),
+        'spiking': spiking,
+        'channelCount': 0 if messages is None else messages.shape[2],
+        'directional': bool(directional), 'arrays': frames.described(), 'history': history,
+    }
+    shown = [*facts, _gait(recording)]
+    return Template(_asset('page.html')).substitute(
+        title=html.escape(title),
+        facts=''.join(f'<p>{html.escape(line)}</p>' for line in shown),
+        notes=''.join(f'<p>{html.escape(line)}</p>' for line in _notes(recording, frames)),
+        messages='Spikes that voxels send' if spiking else 'Values that voxels send',
+        legend=_LEGEND,
+        history=_HISTORY if history else '',
+        # "<" would end the element that holds it
+        header=json.dumps(header).replace('<', '\\u003c'),
+        frames=frames.encoded(),
+        style='\n'.join(map(_asset, _STYLES)),
+        script='\n'.join(map(_asset, _SCRIPTS)),
+    )
+
+
+_HISTORY = (
+    '<section><h2>Evolution: best so far, best and median of a generation</h2>'
+    '<div id="plot-history"></div></section>'
+)
+
+
+def _asset(name: str) -> str:
+    return resources.files(__package__).joinpath(name).read_text(encoding='utf-8')
+
+
+def _gait(recording: Recording) -> str:
+    gait = measure_gait(recording)
+    scored = f' after the first {TRANSIENT:g} s' if gait.duration > TRANSIENT else ''
+    return (
+        f'v_x {gait.velocity:.3f} m/s{scored}, {gait.distance:.1f} m in {gait.duration:.1f} s, '
+        f'rhythm {gait.frequency:.2f} Hz'
+    )
+
+
+def _notes(recording: Recording, frames: Frames) -> list[str]:
+    """Return what the page leaves out or fills in."""
+    every = frames.stride / CONTROL_RATE
+    notes = [
+        f'Robot and plots have a frame every {frames.stride} control steps ({every:.3f} s)'
+        f'{"" if frames.stride == FRAME_STEPS else ", thinned for display, the walk being long"};'
+        ' between frames the page draws the line between them. Messages are shown in full.',
+        'Plots are means over one second: of all voxels in grey, of their mean, of the chosen one.'
+    ]
+    lost = sum(count.lost for count in recording.counts)
+    if lost:
+        notes.append(f'{lost} messages are not in the bag: gaps, except that the place of the '
+                     'robot is on the line between those known.')
+    if not recording.closed:
+        notes.append('The recorder did not finish this bag: what it had written is shown.')
+    if recording.n_episodes > 1:
+        notes.append(f'Episode {recording.episode} of 0 to {recording.n_episodes - 1} (resets).')
+    return notes

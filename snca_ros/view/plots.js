@@ -1,0 +1,92 @@
+// Plots over the whole walk (uPlot), with a line where the player is.
+'use strict';
+
+const mean = (numbers) => {
+  const known = numbers.filter((value) => !Number.isNaN(value));
+  return known.length ? known.reduce((a, b) => a + b, 0) / known.length : null;
+};
+const orNull = (value) => (Number.isNaN(value) ? null : value);
+
+const axis = (label, size) => ({
+  label, size, labelSize: 20, labelGap: 0, labelFont: '12px system-ui, sans-serif',
+  font: '12px system-ui, sans-serif', stroke: () => color('ink'),
+  grid: { stroke: () => color('line'), width: 1 },
+  ticks: { stroke: () => color('line'), width: 1 },
+});
+
+const line = (label, stroke, width) => ({
+  label, width, stroke: () => color(stroke), points: { show: false }, spanGaps: false,
+});
+
+class Plot {
+  // One line over the walk, or, of what voxels have, a line each, their mean and the selected one.
+  constructor(parent, walk, name, label, seek) {
+    this.walk = walk;
+    this.name = name;
+    this.each = walk.data[name].row > 1;
+    const frames = [...Array(walk.frames).keys()];
+    const times = frames.map((i) => (i * walk.stride) / walk.rate);
+    const voxels = this.each ? walk.voxels.map((_, i) => i) : [];
+    const lines = voxels.map((i) => frames.map((row) => orNull(walk.at(name, row, i))));
+    const whole = this.each
+      ? frames.map((row) => mean(voxels.map((i) => walk.at(name, row, i))))
+      : frames.map((row) => orNull(walk.at(name, row)));
+    const selected = this.each ? [frames.map(() => null)] : [];
+    this.data = [times, ...lines, whole, ...selected];
+    this.chart = new uPlot({
+      width: 300, height: 150, legend: { show: false },
+      scales: { x: { time: false, range: () => [0, Math.max(walk.duration, 1 / walk.rate)] } },
+      cursor: { y: false, drag: { x: false, y: false }, points: { show: false } },
+      axes: [axis('time [s]', 30), axis(label, 44)],
+      series: [
+        {}, ...voxels.map((i) => line(walk.voxels[i], 'faint', 1)),
+        line(this.each ? 'mean' : label, 'ink', 1.5),
+        ...selected.map(() => line('selected', 'accent', 2)),
+      ],
+    }, this.data, parent);
+    this.needle = document.createElement('div');
+    this.needle.className = 'needle';
+    this.chart.over.append(this.needle);
+    const drag = (event) => {
+      if (event.buttons === 0 && event.type === 'pointermove') return;
+      const box = this.chart.over.getBoundingClientRect();
+      seek(this.chart.posToVal(event.clientX - box.left, 'x'));
+    };
+    this.chart.over.addEventListener('pointerdown', drag);
+    this.chart.over.addEventListener('pointermove', drag);
+    new ResizeObserver(() => this.fit(parent)).observe(parent);
+    this.fit(parent);
+  }
+
+  fit(parent) {
+    this.chart.setSize({ width: Math.max(parent.clientWidth, 200), height: 150 });
+  }
+
+  select(voxel) {
+    if (!this.each) return;
+    const chosen = this.data[this.data.length - 1];
+    chosen.forEach((_, row) => {
+      chosen[row] = voxel === undefined ? null : orNull(this.walk.at(this.name, row, voxel));
+    });
+    this.chart.setData(this.data);
+  }
+
+  draw(time) {
+    this.needle.style.left = `${this.chart.valToPos(time, 'x')}px`;
+  }
+}
+
+// How a run of evolution got there: v_x over evaluations.
+function drawHistory(parent, { evaluations, best_so_far: soFar, best, median }) {
+  const chart = new uPlot({
+    width: 300, height: 200, scales: { x: { time: false } }, cursor: { y: false },
+    axes: [axis('evaluations', 30), axis('v_x [m/s]', 44)],
+    series: [
+      { label: 'evaluations' }, line('best so far', 'accent', 2), line('best', 'ink', 1),
+      line('median', 'faint', 1.5),
+    ],
+  }, [evaluations, soFar, best, median], parent);
+  const fit = () => chart.setSize({ width: Math.max(parent.clientWidth, 200), height: 200 });
+  new ResizeObserver(fit).observe(parent);
+  return chart;
+}

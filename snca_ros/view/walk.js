@@ -1,0 +1,92 @@
+// A walk as numbers: what the page was given, by frame and by time.
+'use strict';
+
+class Walk {
+  // header: the page's JSON; buffer: the bytes of its arrays, one behind the other.
+  constructor(header, buffer) {
+    Object.assign(this, header);
+    this.data = {};
+    const types = { uint8: Uint8Array, uint16: Uint16Array, float32: Float32Array };
+    let begin = 0;
+    for (const { name, type, shape, low, step } of header.arrays) {
+      const length = shape.reduce((a, b) => a * b, 1);
+      const raw = new types[type](buffer, begin, length);
+      const none = type === 'float32' ? NaN : 2 ** (8 * raw.BYTES_PER_ELEMENT) - 1;
+      this.data[name] = { raw, low, step, none, row: length / shape[0] };
+      begin += raw.byteLength;
+    }
+    this.frames = this.data.x.raw.length;
+    this.duration = (this.steps - 1) / this.rate;
+    this.places = this.voxels.map((name) => name.split('_').slice(1).map(Number));
+  }
+
+  static async load(header, base64) {
+    const text = atob(base64);
+    const bytes = new Uint8Array(text.length);
+    for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
+    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('deflate'));
+    return new Walk(header, await new Response(stream).arrayBuffer());
+  }
+
+  has(name) {
+    return name in this.data;
+  }
+
+  // The number of an array in a row; NaN if it is not known.
+  at(name, row, column = 0) {
+    const { raw, low, step, none, row: width } = this.data[name];
+    const value = raw[row * width + column];
+    return value === none ? NaN : low + step * value;
+  }
+
+  // The frames before and after a time, and how far the time is from the first to the second.
+  around(time) {
+    const place = Math.min(Math.max((time * this.rate) / this.stride, 0), this.frames - 1);
+    const before = Math.floor(place);
+    return [before, Math.min(before + 1, this.frames - 1), place - before];
+  }
+
+  // A number at a time, on the line between two frames.
+  between(name, time, column = 0) {
+    const [a, b, part] = this.around(time);
+    return (1 - part) * this.at(name, a, column) + part * this.at(name, b, column);
+  }
+
+  // The corners [m] of a voxel at a time: [[x, y], ...] from the upper left one, clockwise.
+  corners(voxel, time) {
+    const x = this.between('x', time), y = this.between('y', time);
+    return [0, 2, 4, 6].map((i) => [
+      x + this.between('corners', time, 8 * voxel + i),
+      y + this.between('corners', time, 8 * voxel + i + 1),
+    ]);
+  }
+
+  // The voxels beside a voxel.
+  neighbours(voxel) {
+    const [x, y] = this.places[voxel];
+    return this.places.flatMap(([a, b], i) => (Math.abs(a - x) + Math.abs(b - y) === 1 ? [i] : []));
+  }
+
+  // The channels of `from` that `to` hears: those of one side, if the cells are directional.
+  channels(from, to) {
+    const all = [...Array(this.channelCount).keys()];
+    if (to === undefined || !this.directional) return all;
+    const [dx, dy] = [0, 1].map((i) => this.places[to][i] - this.places[from][i]);
+    const side = [[0, 1], [-1, 0], [0, -1], [1, 0]].findIndex(([a, b]) => a === dx && b === dy);
+    const perSide = this.channelCount / 4;
+    return all.slice(side * perSide, (side + 1) * perSide);
+  }
+
+  // The height [m] of the ground at x [m].
+  height(x) {
+    const [xs, ys] = this.ground;
+    let low = 0, high = xs.length - 1;
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (xs[middle] <= x) low = middle;
+      else high = middle;
+    }
+    const part = Math.min(Math.max((x - xs[low]) / (xs[high] - xs[low]), 0), 1);
+    return ys[low] + part * (ys[high] - ys[low]);
+  }
+}
