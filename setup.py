@@ -67,7 +67,7 @@ setup(
     python_requires='>=3.10',
     install_requires=[
         'numpy', 'numba', 'pymunk>=7,<8', 'rosbags>=0.11', 'pyyaml', 'scipy', 'matplotlib',
-        'pillow', 'shtab',
+        'pillow', 'shtab', 'websockets>=13',
     ],
     extras_require={'ros': ROS, 'test': TEST, 'cluster': CLUSTER, 'cma': CMA, 'video': VIDEO},
     entry_points={'console_scripts': ['snca = snca_ros.cli:main']},

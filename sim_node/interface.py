@@ -146,6 +146,7 @@ def upright(vector: np.ndarray) -> np.ndarray:
 
 
 _TRIANGLES = np.array([0, 1, 2, 0, 2, 3])
+_CORNERS = [0, 1, 2, 5]  # where each corner first stands in _TRIANGLES
 _OUTLINE = np.array([0, 1, 1, 2, 2, 3, 3, 0])
 
 
@@ -168,6 +169,7 @@ class RobotMarkers:
         # Stamp 0 means "the latest" to viewers, so that no marker is ever too old to be drawn.
         numbers = {'fill': self._fill, 'color': self._color, 'line': self._line}
         self._wire = WireFormat(MarkerArray(markers=[voxels, outlines]), numbers, stamped=False)
+        self._size = len(self._wire.encode())
 
     def encode(self, corners: np.ndarray, area_ratios: np.ndarray) -> bytes:
         """Return the serialised MarkerArray of (n, 4, 2) corners [m] and (n,) area ratios."""
@@ -176,6 +178,14 @@ class RobotMarkers:
         return self._wire.encode(
             fill=points[:, _TRIANGLES], color=colors, line=points[:, _OUTLINE]
         )
+
+    def decode(self, data: bytes) -> np.ndarray | None:
+        """Return the (n, 4, 2) corners [m] of a message of `encode`, None of any other."""
+        try:
+            _, (fill,) = self._wire.decode(data[: self._size], 'fill')  # DDS pads
+        except Exception:  # what rclpy says about bytes of another layout
+            return None
+        return fill.reshape(-1, len(_TRIANGLES), 3)[:, _CORNERS][..., [0, 2]]
 
 
 def ground_markers(x: np.ndarray, y: np.ndarray) -> MarkerArray:

@@ -11,7 +11,9 @@ import tempfile
 import threading
 import time
 import traceback
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from snca_ros.cli import main
 from snca_ros.nodes.bringup import Graph, NodeProcess
@@ -128,15 +130,23 @@ class RunningGraph:
             raise
         return self
 
-    def start_again(self, process: NodeProcess) -> None:
-        """Start a process that has ended once more."""
-        self._children[process] = self._start(process)
+    def start_again(self, process: NodeProcess, **parameters: object) -> None:
+        """Start a process that has ended once more, with other `parameters` if any are given."""
+        self._children[process] = self._start(process, parameters)
 
-    def _start(self, process: NodeProcess) -> '_Fork | subprocess.Popen':
+    def kill(self, process: NodeProcess) -> None:
+        """End a process as `kill -9` does, and wait until it has ended."""
+        self._children[process].kill()
+        self._children[process].wait()
+
+    def _start(
+        self, process: NodeProcess, parameters: Mapping[str, object] = MappingProxyType({})
+    ) -> '_Fork | subprocess.Popen':
         arguments = [
             process.executable, *process.names,
             '--ros-args', '-r', f'__ns:=/{self.graph.robot}', '--params-file', str(self._params),
             '--enclave', self.graph.enclave(process.name),
+            *(word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')),
         ]
         if process in self.graph.voxels and _can_fork():
             return _Fork(arguments, self._environment, process.name)

@@ -5,7 +5,9 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Callable
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -33,15 +35,18 @@ from snca_ros.nodes.bringup import (
 )
 from snca_ros.nodes.processes import RunningGraph
 from snca_ros.nodes.recorder import STORAGES
+from snca_ros.nodes.view import LiveView
 from snca_ros.study import report
 from snca_ros.study.bag import read_bag
 
 INTERRUPTED = 130
+VIEW_PORT = 8765
 
 EXAMPLES = """
   snca walk                                         # the biped in the box, 30 s, in lock-step
   snca walk runs/tripod/best.npz --terrain hilly-1-10-0 --duration 60
   snca walk --real-time --respawn                   # at 60 Hz; killed voxels come back
+  snca walk --view                                  # live on a page; click voxels to kill them
   snca walk --faults loss=0.3,death=0.5@10,seed=3   # lost messages; half the voxels die at 10 s
   snca walk --engine batched --bag bags/mine --storage sqlite3
 """
@@ -72,6 +77,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--only', default='', metavar='VOXELS',
                         help='voxels of this machine, if `snca voxels` runs the others elsewhere: '
                         'K/N, the Kth of N shares, or voxel_0_0,voxel_1_0,..., or none')
+    parser.add_argument('--view', type=int, nargs='?', const=VIEW_PORT, metavar='PORT',
+                        help='show the walk live on a page of this machine (default port '
+                        f'{VIEW_PORT}), in real time unless --real-time tells otherwise')
     parser.add_argument('--bag', type=Path, help='bag to write (default bags/<robot>-<time>)')
     parser.add_argument('--no-bag', action='store_true', help='record nothing')
     parser.add_argument('--storage', default='mcap',
@@ -88,6 +96,10 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if not 0.0 <= args.real_time <= 100.0:
         raise InvalidInput('real_time', args.real_time, 'a factor from 0 to 100')
     check_name('storage', args.storage, STORAGES)
+    if args.view is not None:
+        if not 0 <= args.view < 65536:
+            raise InvalidInput('view', args.view, 'a port from 0 to 65535')
+        args.real_time = args.real_time or 1.0
     _check_shape(path, trained, args.shape)
     robot = args.robot or robot_name(trained.morphology)
     bag = args.bag or Path('bags') / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'
@@ -102,8 +114,12 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     options = WalkOptions(
         robot, args.terrain, engine, args.duration, args.real_time, args.voxels_per_process,
         only=args.only, bag='' if args.no_bag else str(bag), storage=args.storage, faults=faults,
+        simulation={} if args.view is None else {'recorders': 2 - args.no_bag},
     )
-    code = _walk(describe_graph(path, trained, options), options, args.respawn)
+    open_view = None
+    if args.view is not None:
+        open_view = partial(LiveView, args.view, trained, args.terrain or trained.terrain)
+    code = _walk(describe_graph(path, trained, options), options, args.respawn, open_view)
     if code or args.no_bag:
         return code
     return _report(bag, offline, may_differ=args.respawn or args.real_time > 0.0)
@@ -126,7 +142,10 @@ def _offline_centers(
     return run_episode(simulation, trained.controller(faults), duration).centers
 
 
-def _walk(graph: Graph, options: WalkOptions, respawn: bool) -> int:
+def _walk(
+    graph: Graph, options: WalkOptions, respawn: bool,
+    open_view: Callable[[RunningGraph], LiveView] | None,
+) -> int:
     """Run the graph until the simulation is done; return the exit code."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     started = time.monotonic()
@@ -139,7 +158,7 @@ def _walk(graph: Graph, options: WalkOptions, respawn: bool) -> int:
     os.environ.update(environment)
     try:
         with RunningGraph(graph, environment) as running:
-            code = _watch(graph, running, options, respawn)
+            code = _watch(graph, running, options, respawn, open_view)
     except KeyboardInterrupt:
         print('\nstopped', file=sys.stderr)
         return INTERRUPTED
@@ -149,7 +168,10 @@ def _walk(graph: Graph, options: WalkOptions, respawn: bool) -> int:
     return code
 
 
-def _watch(graph: Graph, running: RunningGraph, options: WalkOptions, respawn: bool) -> int:
+def _watch(
+    graph: Graph, running: RunningGraph, options: WalkOptions, respawn: bool,
+    open_view: Callable[[RunningGraph], LiveView] | None,
+) -> int:
     """Wait for the simulation to end; show its progress from its own diagnostics."""
     steps = [0]
     given_up: set[NodeProcess] = set()
@@ -162,14 +184,21 @@ def _watch(graph: Graph, running: RunningGraph, options: WalkOptions, respawn: b
                 if counters.get('steps', '').isdecimal():
                     steps[0] = int(counters['steps'])
 
+    view = None
     arguments = ['--ros-args', '--enclave', graph.enclave('walk')]
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node('walk', namespace=f'/{graph.robot}', enable_rosout=False)
         node.create_subscription(DiagnosticArray, '/diagnostics', note, 10)
         live = sys.stderr.isatty()
+        if open_view:
+            view = open_view(running)
+            print(f'see it walk: {view.address}', file=sys.stderr, flush=True)
         while running.exit_code(graph.simulation) is None:
-            rclpy.spin_once(node, timeout_sec=0.2)
+            rclpy.spin_once(node, timeout_sec=0.0 if view else 0.2)
+            if view:
+                view.spin_once()
+            given_up &= {*running.ended()}  # others were started again
             if live:
                 print(f'\r{steps[0] / CONTROL_RATE:7.1f} of {options.duration:g} s', end='',
                       file=sys.stderr, flush=True)
@@ -190,6 +219,8 @@ def _watch(graph: Graph, running: RunningGraph, options: WalkOptions, respawn: b
             print(f'\r{options.duration:7.1f} of {options.duration:g} s', file=sys.stderr)
         node.destroy_node()
     finally:
+        if view:
+            view.close()
         rclpy.try_shutdown()
     return 0 if running.exit_code(graph.simulation) == 0 else 1
 

@@ -5,17 +5,23 @@ import json
 from collections.abc import Sequence
 from importlib import resources
 from string import Template
+from typing import Any
 
 import numpy as np
 
 from sim_node.stamps import CONTROL_RATE
+from sim_node.terrain import Terrain
+from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.locomotion import TRANSIENT
 from snca_ros.study.bag import Recording
 from snca_ros.study.gait import measure_gait
 from snca_ros.view.frames import FRAME_STEPS, Frames, make_frames
 
 _STYLES = ('uplot/uPlot.min.css', 'page.css')
-_SCRIPTS = ('uplot/uPlot.iife.min.js', 'walk.js', 'stage.js', 'raster.js', 'plots.js', 'player.js')
+_SCRIPTS = (
+    'uplot/uPlot.iife.min.js', 'walk.js', 'stage.js', 'raster.js', 'plots.js', 'player.js',
+    'live.js', 'main.js',
+)
 
 _LEGEND = """
 <span><i class="area"></i>area: contracted, at rest, expanded</span>
@@ -51,25 +57,51 @@ def walk_page(
     messages = recording.spikes if spiking else recording.values
     header = {
         'rate': CONTROL_RATE, 'stride': frames.stride, 'steps': recording.n_steps,
-        'voxels': recording.voxel_names, 'ground': frames.ground.T.tolist(),
-        'spiking': spiking,
+        'voxels': recording.voxel_names, 'ground': frames.ground.T.tolist(), 'spiking': spiking,
         'channelCount': 0 if messages is None else messages.shape[2],
         'directional': bool(directional), 'arrays': frames.described(), 'history': history,
     }
-    shown = [*facts, _gait(recording)]
+    return _filled(
+        title, header, [*facts, _gait(recording)], _notes(recording, frames), frames.encoded()
+    )
+
+
+def live_page(trained: TrainedController, terrain: Terrain, title: str) -> str:
+    """Return the HTML that shows a walk as a `PageServer` tells it."""
+    cells = trained.architecture
+    header = {
+        'live': True, 'rate': CONTROL_RATE, 'voxels': trained.morphology.voxel_names,
+        'ground': [terrain.x.tolist(), terrain.y.tolist()], 'spiking': cells.spiking,
+        'channelCount': cells.n_destinations * cells.n_c, 'directional': cells.directional,
+    }
+    notes = [
+        'Frames come 30 times a second of wall time; messages are shown in full.',
+        'Plots are means over the second before: of all voxels in grey, of their mean, of the '
+        'chosen one.',
+        'A cross is a voxel whose node is dead, a stroke one whose node complains.',
+    ]
+    return _filled(title, header, ['Live'], notes)
+
+
+def _filled(
+    title: str, header: dict[str, Any], facts: Sequence[str], notes: Sequence[str], frames: str = ''
+) -> str:
+    """Return the page; `header` and `frames` are what its scripts read."""
     return Template(_asset('page.html')).substitute(
-        title=html.escape(title),
-        facts=''.join(f'<p>{html.escape(line)}</p>' for line in shown),
-        notes=''.join(f'<p>{html.escape(line)}</p>' for line in _notes(recording, frames)),
-        messages='Spikes that voxels send' if spiking else 'Values that voxels send',
+        title=html.escape(title), facts=_paragraphs(facts), notes=_paragraphs(notes),
+        messages='Spikes that voxels send' if header['spiking'] else 'Values that voxels send',
         legend=_LEGEND,
-        history=_HISTORY if history else '',
+        history=_HISTORY if header.get('history') else '',
         # "<" would end the element that holds it
         header=json.dumps(header).replace('<', '\\u003c'),
-        frames=frames.encoded(),
+        frames=frames,
         style='\n'.join(map(_asset, _STYLES)),
         script='\n'.join(map(_asset, _SCRIPTS)),
     )
+
+
+def _paragraphs(lines: Sequence[str]) -> str:
+    return ''.join(f'<p>{html.escape(line)}</p>' for line in lines)
 
 
 _HISTORY = (

@@ -73,7 +73,9 @@ class Player {
 
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const typing = ['SELECT', 'INPUT', 'BUTTON'].includes(event.target.tagName);
+    const { tagName } = event.target;
+    if (tagName === 'BUTTON' && event.key === ' ') return;
+    const typing = tagName === 'SELECT' || tagName === 'INPUT';
     const step = 1 / this.walk.rate, voxels = this.walk.voxels.length;
     const speed = SPEEDS.indexOf(this.speed);
     const next = (by) => ({ from: ((this.selection.from ?? (by > 0 ? -1 : 0)) + by + voxels) % voxels });
@@ -148,9 +150,3 @@ class Player {
     element('velocity').textContent = `v_x ${velocity.toFixed(2)} m/s`;
   }
 }
-
-const header = JSON.parse(element('header').textContent);
-if (header.history) drawHistory(element('plot-history'), header.history);
-Walk.load(header, element('frames').textContent).then((walk) => {
-  window.player = new Player(walk);
-});

@@ -2,7 +2,7 @@
 'use strict';
 
 const mean = (numbers) => {
-  const known = numbers.filter((value) => !Number.isNaN(value));
+  const known = numbers.filter((value) => value !== null);
   return known.length ? known.reduce((a, b) => a + b, 0) / known.length : null;
 };
 const orNull = (value) => (Number.isNaN(value) ? null : value);
@@ -24,15 +24,7 @@ class Plot {
     this.walk = walk;
     this.name = name;
     this.each = walk.data[name].row > 1;
-    const frames = [...Array(walk.frames).keys()];
-    const times = frames.map((i) => (i * walk.stride) / walk.rate);
     const voxels = this.each ? walk.voxels.map((_, i) => i) : [];
-    const lines = voxels.map((i) => frames.map((row) => orNull(walk.at(name, row, i))));
-    const whole = this.each
-      ? frames.map((row) => mean(voxels.map((i) => walk.at(name, row, i))))
-      : frames.map((row) => orNull(walk.at(name, row)));
-    const selected = this.each ? [frames.map(() => null)] : [];
-    this.data = [times, ...lines, whole, ...selected];
     this.chart = new uPlot({
       width: 300, height: 150, legend: { show: false },
       scales: { x: { time: false, range: () => [0, Math.max(walk.duration, 1 / walk.rate)] } },
@@ -41,9 +33,9 @@ class Plot {
       series: [
         {}, ...voxels.map((i) => line(walk.voxels[i], 'faint', 1)),
         line(this.each ? 'mean' : label, 'ink', 1.5),
-        ...selected.map(() => line('selected', 'accent', 2)),
+        ...(this.each ? [line('selected', 'accent', 2)] : []),
       ],
-    }, this.data, parent);
+    }, this.refill(), parent);
     this.needle = document.createElement('div');
     this.needle.className = 'needle';
     this.chart.over.append(this.needle);
@@ -56,23 +48,35 @@ class Plot {
     this.chart.over.addEventListener('pointermove', drag);
     new ResizeObserver(() => this.fit(parent)).observe(parent);
     this.fit(parent);
+    this.select();
   }
 
   fit(parent) {
     this.chart.setSize({ width: Math.max(parent.clientWidth, 200), height: 150 });
   }
 
+  // All lines from the walk's numbers.
+  refill(selected) {
+    const { walk, name } = this, frames = [...Array(walk.frames).keys()];
+    const times = frames.map((row) => walk.timeOf(row));
+    if (this.each) {
+      const lines = walk.voxels.map((_, i) => frames.map((row) => orNull(walk.at(name, row, i))));
+      const whole = frames.map((row) => mean(lines.map((values) => values[row])));
+      this.data = [times, ...lines, whole, []];
+    } else this.data = [times, frames.map((row) => orNull(walk.at(name, row)))];
+    if (this.chart) this.select(selected);
+    return this.data;
+  }
+
   select(voxel) {
-    if (!this.each) return;
-    const chosen = this.data[this.data.length - 1];
-    chosen.forEach((_, row) => {
-      chosen[row] = voxel === undefined ? null : orNull(this.walk.at(this.name, row, voxel));
-    });
+    if (this.each)
+      this.data[this.data.length - 1] = voxel === undefined
+        ? this.data[0].map(() => null) : this.data[voxel + 1];
     this.chart.setData(this.data);
   }
 
   draw(time) {
-    this.needle.style.left = `${this.chart.valToPos(time, 'x')}px`;
+    this.needle.style.left = `${this.chart.valToPos(Math.min(time, this.data[0].at(-1)), 'x')}px`;
   }
 }
 

@@ -35,29 +35,21 @@ class Stage {
     const [xs, ys] = [0, 1].map((i) => corners.map((corner) => corner[i]));
     this.length = Math.max(...xs) - Math.min(...xs);
     this.tall = Math.max(...ys) - Math.min(...ys);
-    const x = Float64Array.from({ length: walk.frames }, (_, i) => walk.at('x', i));
-    this.cameraX = this.smooth(x);
-    this.cameraY = this.smooth(this.cameraX.map((at) => walk.height(at)));
   }
 
-  // The mean over a second before and after.
-  smooth(track) {
-    const half = Math.round(this.walk.rate / this.walk.stride);
-    const sums = new Float64Array(track.length + 1);
-    track.forEach((value, i) => (sums[i + 1] = sums[i] + value));
-    return track.map((_, i) => {
-      const [a, b] = [Math.max(i - half, 0), Math.min(i + half + 1, track.length)];
-      return (sums[b] - sums[a]) / (b - a);
-    });
+  // Where the camera looks: the mean over a second before and after.
+  camera(time) {
+    const xs = Array.from({ length: 21 }, (_, i) => this.walk.between('x', time + i / 10 - 1));
+    const mean = (numbers) => numbers.reduce((a, b) => a + b, 0) / numbers.length;
+    return [mean(xs), mean(xs.map((x) => this.walk.height(x)))];
   }
 
   look(time, width, height) {
-    const [a, b, part] = this.walk.around(time);
-    const mix = (track) => (1 - part) * track[a] + part * track[b];
+    const [x, y] = this.camera(time);
     const soil = 2.2, above = 0.3 * this.tall + 1.5;
     this.scale = Math.min(width / (1.9 * this.length), height / (soil + this.tall + above));
-    this.left = mix(this.cameraX) - width / this.scale / 2;
-    this.bottom = mix(this.cameraY) - soil;
+    this.left = x - width / this.scale / 2;
+    this.bottom = y - soil;
     this.high = height;
   }
 
@@ -91,10 +83,10 @@ class Stage {
     surface.forEach(([x, y]) => context.lineTo(x, y));
     context.lineWidth = 2;
     context.stroke();
-    this.marks(context, right);
+    this.marks(context, right, width);
   }
 
-  marks(context, right) {
+  marks(context, right, width) {
     context.fillStyle = color('surface');
     context.font = '12px system-ui, sans-serif';
     context.textAlign = 'center';
@@ -106,7 +98,7 @@ class Stage {
       context.moveTo(x, y);
       context.lineTo(x, y + (long ? 10 : 5));
       context.stroke();
-      if (long) context.fillText(`${mark} m`, x, y + 22);
+      if (long && x > 20 && x < width - 20) context.fillText(`${mark} m`, x, y + 22);
     }
   }
 
@@ -124,12 +116,28 @@ class Stage {
     context.lineWidth = Math.max(1, 0.1 * this.scale);
     context.fill();
     context.stroke();
+    const [level] = this.walk.health?.[this.walk.voxels[i]] ?? [0];
+    if (level > 0) this.unwell(context, shape, level);
     const command = this.walk.at('actuation', frame, i);
     if (Number.isNaN(command)) return;
     const [x, y] = middle(shape), size = 0.28 - 0.16 * command;
     this.path(context, shape.map(([a, b]) => [x + size * (a - x), y + size * (b - y)]));
     context.lineWidth = 1;
     context.strokeStyle = '#2b2b2b99';
+    context.stroke();
+  }
+
+  // Of a live walk: a cross over a voxel whose node is dead, one stroke if it complains.
+  unwell(context, [a, b, c, d], level) {
+    context.strokeStyle = color('accent');
+    context.lineWidth = 2;
+    context.beginPath();
+    context.moveTo(...d);
+    context.lineTo(...b);
+    if (level > 1) {
+      context.moveTo(...a);
+      context.lineTo(...c);
+    }
     context.stroke();
   }
 

@@ -15,8 +15,6 @@ class Walk {
       this.data[name] = { raw, low, step, none, row: length / shape[0] };
       begin += raw.byteLength;
     }
-    this.frames = this.data.x.raw.length;
-    this.duration = (this.steps - 1) / this.rate;
     this.places = this.voxels.map((name) => name.split('_').slice(1).map(Number));
   }
 
@@ -26,6 +24,18 @@ class Walk {
     for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
     const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('deflate'));
     return new Walk(header, await new Response(stream).arrayBuffer());
+  }
+
+  get frames() {
+    return this.data.x.raw.length;
+  }
+
+  get duration() {
+    return (this.steps - 1) / this.rate;
+  }
+
+  timeOf(frame) {
+    return (frame * this.stride) / this.rate;
   }
 
   has(name) {

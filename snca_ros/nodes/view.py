@@ -1,0 +1,163 @@
+"""(ROS) What the live page is told: the node of `walk --view` listens, a server streams."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import Image, JointState
+from visualization_msgs.msg import MarkerArray
+
+from sim_node import interface
+from sim_node.ros import RosNode
+from sim_node.stamps import step_of_stamp
+from sim_node.terrain import parse_terrain
+from snca_ros.cell.coding import SNN_STEPS
+from snca_ros.controller_file import TrainedController
+from snca_ros.nodes.bringup import NodeProcess
+from snca_ros.nodes.processes import RunningGraph
+from snca_ros.nodes.spikes import CellMessages, topic_name
+from snca_ros.study.gait import area_ratios
+from snca_ros.view.page import live_page
+from snca_ros.view.server import PageServer
+
+_PERIOD = 1.0 / 30.0  # seconds of wall time between frames
+_DIGITS = 4  # of the numbers sent
+
+
+LOSS = 0.5
+"""Share of the messages that a voxel with noise does not hear: the fault `loss`."""
+
+
+class ViewNode(RosNode):
+    """Listens to a whole robot and tells a page how it looks, 30 times a second.
+
+    Args:
+        robot: its namespace.
+        trained: its controller.
+        tell: called with each frame, ready for JSON: `step`, `x`, `y` [m], `corners` [m] of the
+            newest pose, `area`, `touch` and `actuation` of each voxel, `said`, rows of step,
+            voxel and numbers sent, and `health`, level and words of each node by its name.
+    """
+
+    def __init__(
+        self, robot: str, trained: TrainedController, tell: Callable[[dict[str, Any]], None]
+    ) -> None:
+        super().__init__('view', namespace=f'/{robot}', enable_rosout=False)
+        self._tell = tell
+        voxels, qos = trained.morphology.voxel_names, interface.stream_qos()
+        topic = topic_name(trained.architecture)
+        self._odometry_wire = interface.odometry_format(trained.morphology.grid_string)
+        self._robot = interface.RobotMarkers(len(voxels))
+        self._sensors = [interface.sensors_format(voxel) for voxel in voxels]
+        self._actuation = [interface.actuation_format(voxel) for voxel in voxels]
+        self._messages = [CellMessages(trained.architecture, voxel) for voxel in voxels]
+        self._odometry_box = self.create_mailbox(Odometry, 'odometry', qos)
+        self._markers_box = self.create_mailbox(MarkerArray, 'markers', qos)
+        self._boxes = {
+            kind: [self.create_mailbox(of_type, f'{voxel}/{name}', qos) for voxel in voxels]
+            for kind, of_type, name in (
+                ('sensors', JointState, interface.SENSORS_TOPIC),
+                ('actuation', JointState, interface.ACTUATION_TOPIC),
+                ('messages', Image, topic),
+            )
+        }
+        self._spiking = trained.architecture.spiking
+        self._frame: dict[str, Any] = {
+            'area': [None] * len(voxels), 'touch': [None] * len(voxels),
+            'actuation': [None] * len(voxels), 'health': {},
+        }
+        self.create_subscription(DiagnosticArray, '/diagnostics', self._note_health, 100)
+        self.create_timer(_PERIOD, self._look)
+
+    def _note_health(self, message: DiagnosticArray) -> None:
+        prefix = self.get_namespace() + '/'
+        for status in message.status:
+            if status.name.startswith(prefix):
+                words = int.from_bytes(status.level, 'little'), status.message
+                self._frame['health'][status.name.removeprefix(prefix)] = words
+
+    def say(self, node: str, words: str) -> None:
+        """Tell of a node that cannot speak for itself; until it does."""
+        self._frame['health'][node] = 2, words
+
+    def _look(self) -> None:
+        """Tell what has come since the last look."""
+        frame, said = self._frame, []
+        for data in self._odometry_box()[-1:]:
+            stamp, (position,) = self._odometry_wire.decode(data, 'position')
+            frame['step'] = step_of_stamp(*stamp)
+            frame['x'], frame['y'] = position[0], position[2]
+        for data in self._markers_box():
+            corners = self._robot.decode(data)
+            if corners is not None:
+                frame['corners'] = corners.round(_DIGITS).ravel().tolist()
+        for i, (sensors, actuation, messages) in enumerate(zip(*self._boxes.values(), strict=True)):
+            for data in sensors()[-1:]:
+                _, _, readings = interface.read_joint_state(self._sensors[i], data, 0.0, 1.0)
+                frame['area'][i] = round(float(area_ratios(readings[np.newaxis])[0]), _DIGITS)
+                frame['touch'][i] = round(float(readings[1]), _DIGITS)
+            for data in actuation()[-1:]:
+                _, _, (a,) = interface.read_joint_state(self._actuation[i], data, -1.0, 1.0)
+                frame['actuation'][i] = float(a)
+            said += [[*self._said(i, data)] for data in messages()]
+        if 'step' in frame and 'corners' in frame:
+            self._tell({**frame, 'said': said})
+
+    def _said(self, i: int, data: bytes) -> tuple[int, int, list[float]]:
+        """Return step, voxel, and a number per channel: a spike train as an integer, or a value."""
+        _, step, message = self._messages[i].decode(data)
+        rows = message.reshape(-1, message.shape[-1])
+        if not self._spiking:
+            return step, i, rows.ravel().tolist()
+        return step, i, (rows @ (1 << np.arange(SNN_STEPS))).astype(int).tolist()
+
+
+class LiveView:
+    """The live page of a running graph: it tells how the robot is and obeys its page.
+
+    Args:
+        port: of the page; 0 for a free one.
+        trained: the controller.
+        terrain: its name.
+        running: the graph.
+
+    Raises:
+        InvalidInput: the port cannot be had.
+    """
+
+    def __init__(
+        self, port: int, trained: TrainedController, terrain: str, running: RunningGraph
+    ) -> None:
+        robot, self._running = running.graph.robot, running
+        page = live_page(trained, parse_terrain(terrain), f'{robot} on {terrain}')
+        self._server = PageServer(port, page)
+        self._node = ViewNode(robot, trained, self._server.tell)
+        self._processes = {name: p for p in running.graph.voxels for name in p.names}
+        self.address = self._server.address
+
+    def spin_once(self) -> None:
+        """Do what is due, within a frame's time."""
+        rclpy.spin_once(self._node, timeout_sec=_PERIOD)
+        while not self._server.commands.empty():
+            command = self._server.commands.get()
+            process = self._processes.get(str(command.get('voxel')))
+            if process is not None:
+                self._obey(str(command.get('action')), process)
+
+    def _obey(self, action: str, process: NodeProcess) -> None:
+        """Kill, revive or disturb the process of a voxel, and of those that share it."""
+        if action in ('kill', 'noise'):
+            self._running.kill(process)
+        if action in ('revive', 'noise') and self._running.exit_code(process) is not None:
+            disturbed = {'loss': LOSS} if action == 'noise' else {}
+            self._running.start_again(process, **disturbed)
+        for name in process.names:
+            self._node.say(name, {'kill': 'killed'}.get(action, 'starting'))
+
+    def close(self) -> None:
+        """Close the page's connections and the port."""
+        self._node.destroy_node()
+        self._server.close()

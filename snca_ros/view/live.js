@@ -1,0 +1,142 @@
+// The page of a walk that goes on: frames come over a WebSocket, commands go back.
+'use strict';
+
+class LiveWalk extends Walk {
+  constructor(header) {
+    super({ ...header, arrays: [] }, new ArrayBuffer(0));
+    this.times = [];
+    const each = this.voxels.length;
+    const rows = {
+      x: 1, y: 1, corners: 8 * each, area: each, touch: each, actuation: each, v_x: 1,
+      ...(this.spiking ? { rate: each } : {}),
+    };
+    for (const [name, row] of Object.entries(rows))
+      this.data[name] = { raw: [], low: 0, step: 1, none: null, row };
+    this.data.messages = { raw: [], low: 0, step: 1, none: undefined, row: each * this.channelCount };
+  }
+
+  get frames() {
+    return this.times.length;
+  }
+
+  get steps() {
+    return Math.round(this.duration * this.rate) + 1;
+  }
+
+  get duration() {
+    return this.times.at(-1) ?? 0;
+  }
+
+  timeOf(frame) {
+    return this.times[frame];
+  }
+
+  around(time) {
+    let low = 0, high = this.frames - 1;
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (this.times[middle] <= time) low = middle;
+      else high = middle;
+    }
+    const length = this.times[high] - this.times[low];
+    return [low, high, length ? Math.min(Math.max((time - this.times[low]) / length, 0), 1) : 1];
+  }
+
+  // The centre is in them already.
+  corners(voxel, time) {
+    return [0, 2, 4, 6].map((i) => [0, 1].map((j) => this.between('corners', time, 8 * voxel + i + j)));
+  }
+
+  // False if the walk began anew: this is none of its frames.
+  append({ step, said, health, ...numbers }) {
+    const time = step / this.rate;
+    if (time < this.duration) return false;
+    for (const [at, voxel, channels] of said)
+      channels.forEach((value, i) => {
+        this.data.messages.raw[(at * this.voxels.length + voxel) * this.channelCount + i] = value;
+      });
+    this.health = health;
+    if (time === this.duration && this.frames) return true;
+    this.times.push(time);
+    for (const name of ['x', 'y', 'corners', 'area', 'touch', 'actuation'])
+      this.data[name].raw.push(...[numbers[name]].flat());
+    const second = Math.max(time - 1, this.times[0]);
+    this.data.v_x.raw.push(time > second ? (numbers.x - this.between('x', second)) / (time - second) : 0);
+    if (this.spiking) this.data.rate.raw.push(...this.rates(step));
+    return true;
+  }
+
+  // The mean firing rate [Hz] of each voxel's channels over the last second.
+  rates(step) {
+    const { raw } = this.data.messages, each = this.voxels.length, n = this.channelCount;
+    return this.voxels.map((_, voxel) => {
+      let spikes = 0, heard = 0;
+      for (let at = Math.max(step - this.rate, 0); at < step; at++) {
+        const first = (at * each + voxel) * n;
+        if (raw[first] === undefined) continue;
+        heard++;
+        for (let i = 0; i < n; i++)
+          for (let bits = raw[first + i]; bits; bits &= bits - 1) spikes++;
+      }
+      return heard ? (spikes / n) * (this.rate / heard) : null;
+    });
+  }
+}
+
+class LivePlayer extends Player {
+  constructor(walk, socket) {
+    super(walk);
+    this.following = true;
+    this.drawn = 0;
+    element('speed').hidden = true;
+    element('panel-node').hidden = false;
+    for (const action of ['kill', 'revive', 'noise'])
+      element(action).addEventListener('click', () =>
+        socket.send(JSON.stringify({ action, voxel: walk.voxels[this.selection.from] })));
+    this.draw();
+  }
+
+  // Play is to follow the walk; whoever looks back stays where he looks.
+  toggle() {
+    this.following = !this.following;
+    this.arrive();
+  }
+
+  seek(time) {
+    this.following = false;
+    super.seek(time);
+  }
+
+  arrive() {
+    element('scrub').max = this.walk.steps - 1;
+    if (this.following) this.time = this.walk.duration;
+    this.draw();
+    if (performance.now() - this.drawn < 500) return;
+    this.drawn = performance.now();
+    this.plots.forEach((plot) => plot.refill(this.selection.from));
+  }
+
+  draw() {
+    this.playing = this.following;
+    super.draw();
+    const { from } = this.selection, name = this.walk.voxels[from];
+    const [level, words] = this.walk.health?.[name] ?? [0, ''];
+    element('node').textContent = from === undefined ? 'Click a voxel.' : `${name}: ${words}`;
+    element('node').dataset.level = level;
+    for (const action of ['kill', 'revive', 'noise'])
+      element(action).disabled = from === undefined;
+  }
+}
+
+function openLive(header) {
+  const socket = new WebSocket(`ws://${location.host}/`);
+  let walk = new LiveWalk(header), player = null;
+  socket.addEventListener('message', ({ data }) => {
+    const frame = JSON.parse(data);
+    if (!walk.append(frame)) location.reload(); // it was reset
+    else if (player) player.arrive();
+    else window.player = player = new LivePlayer(walk, socket);
+  });
+  socket.addEventListener('open', () => (element('state').textContent = ''));
+  socket.addEventListener('close', () => (element('state').textContent = 'The walk has ended.'));
+}

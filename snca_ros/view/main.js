@@ -1,0 +1,10 @@
+// Opens the page: a recorded walk, or one that goes on.
+'use strict';
+
+const header = JSON.parse(element('header').textContent);
+if (header.history) drawHistory(element('plot-history'), header.history);
+if (header.live) openLive(header);
+else
+  Walk.load(header, element('frames').textContent).then((walk) => {
+    window.player = new Player(walk);
+  });

@@ -1,0 +1,85 @@
+"""A live walk: frames of the real graph, real kills by the page's commands."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+from conftest import children_of, is_alive, offline
+from websockets.sync.client import connect
+
+
+class Page:
+    """What the page does, without a browser."""
+
+    def __init__(self, socket):
+        self.socket, self.frames = socket, []
+
+    def look_until(self, condition):
+        """Take frames until one meets a condition; return it."""
+        while True:
+            self.frames.append(json.loads(self.socket.recv(timeout=60)))
+            if condition(self.frames[-1]):
+                return self.frames[-1]
+
+    def command(self, action, voxel='voxel_1_1'):
+        self.socket.send(json.dumps({'action': action, 'voxel': voxel}))
+
+
+def origin_of(walk):
+    said = iter(walk.stdout.readline, '')
+    return next(found[1] for line in said if (found := re.search(r'(http://\S+)/$', line)))
+
+
+def is_silent(frame):
+    return frame['health'].get('sim_node', ['', ''])[1] == 'silent: voxel_1_1'
+
+
+def level(frame):
+    return frame['health'].get('voxel_1_1', [0])[0]
+
+
+def voxel_processes(pid):
+    """Return the pids of a walk's voxels of one name, forked or started again."""
+    return [
+        child for child in children_of(pid)
+        if b'voxel_1_1' in Path(f'/proc/{child}/cmdline').read_bytes()
+        or Path(f'/proc/{child}/comm').read_text().strip() == 'voxel_1_1'
+    ]
+
+
+def test_a_live_walk_is_seen_and_its_voxels_are_killed_and_revived(start, make_controller):
+    path = make_controller('11-10')
+    walk = start('walk', path, '--view', 0, '--duration', 3600, '--no-bag')
+    origin = origin_of(walk)
+    with connect(origin.replace('http', 'ws'), origin=origin) as socket:
+        watch_and_disturb(walk, Page(socket), offline(path, 1.0))
+
+
+def watch_and_disturb(walk, page, twin):
+    seen = page.look_until(lambda frame: frame['step'] >= 30)
+    assert np.reshape(seen['corners'], (3, 4, 2))[..., 1].min() > 4.9  # on the ground
+    first = page.frames[0]
+    np.testing.assert_allclose([first['x'], first['y']], twin[first['step']], atol=0.5)
+    said = {(step, voxel) for frame in page.frames for step, voxel, _ in frame['said']}
+    assert {(step, voxel) for step in range(20) for voxel in range(3)} <= said
+
+    page.command('dance')
+    page.command('kill', 'nobody')
+    (victim,) = voxel_processes(walk.pid)
+    page.command('kill')
+    page.look_until(lambda frame: level(frame) == 2)
+    assert not is_alive(victim)
+    page.look_until(is_silent)
+
+    page.command('revive')
+    page.look_until(lambda frame: frame['health']['voxel_1_1'][1].startswith('step'))
+    (revived,) = voxel_processes(walk.pid)
+    assert revived != victim
+
+    page.command('noise')
+    page.look_until(lambda frame: level(frame) == 2)
+    page.look_until(lambda frame: frame['health']['voxel_1_1'][1].startswith('step'))
+    (disturbed,) = voxel_processes(walk.pid)
+    assert not is_alive(revived)
+    assert b'loss:=0.5' in Path(f'/proc/{disturbed}/cmdline').read_bytes()
