@@ -15,8 +15,8 @@ from snca_ros.study.poses import Poses
 FRAME_STEPS = 2
 """Control steps between frames: the simulation tells its pose as often."""
 
-MAX_FRAMES = 18_000
-"""Ten minutes; of longer walks every frame stands for more control steps."""
+MAX_FRAMES = 18_001
+"""Ten minutes and the last frame; of longer walks every frame stands for more control steps."""
 
 _WINDOW = CONTROL_RATE  # control steps over which plots are averaged
 
