@@ -15,6 +15,7 @@ from snca_ros.box import find_controller, graph_environment
 from snca_ros.controller_file import load_controller
 from snca_ros.faults import parse_faults
 from snca_ros.nodes.bringup import Graph, NodeProcess, WalkOptions, describe_graph
+from snca_ros.nodes.network import await_network
 from snca_ros.nodes.processes import RunningGraph
 
 EXAMPLES = """
@@ -60,6 +61,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     environment = graph_environment('network')
     os.environ.update(environment)
     try:
+        await_network()
         with RunningGraph(graph, environment) as running:
             return _watch(graph, running, args.respawn)
     except KeyboardInterrupt:

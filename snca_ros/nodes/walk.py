@@ -33,6 +33,7 @@ from snca_ros.nodes.bringup import (
     describe_graph,
     robot_name,
 )
+from snca_ros.nodes.network import await_network
 from snca_ros.nodes.processes import RunningGraph
 from snca_ros.nodes.recorder import STORAGES
 from snca_ros.nodes.view import LiveView
@@ -157,6 +158,8 @@ def _walk(
     environment = graph_environment('network' if options.only else 'loopback')
     os.environ.update(environment)
     try:
+        if options.only:
+            await_network()
         with RunningGraph(graph, environment) as running:
             code = _watch(graph, running, options, respawn, open_view)
     except KeyboardInterrupt:
