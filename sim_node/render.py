@@ -19,11 +19,11 @@ _LABELLED = 5  # every so many metres a tick mark of the ground is long and has 
 
 
 def area_colors(area_ratios: np.ndarray) -> np.ndarray:
-    """Return (n, 4) RGBA: orange where contracted, pale at rest, blue where expanded."""
-    t = np.clip((np.asarray(area_ratios) - 0.75) / 0.5, 0.0, 1.0)[:, None]
+    """Return (..., 4) RGBA of ratios: orange if contracted, pale at rest, blue if expanded."""
+    t = np.clip((np.asarray(area_ratios) - 0.75) / 0.5, 0.0, 1.0)[..., None]
     small, rest, large = np.array([[0.84, 0.37, 0.0], [0.96, 0.93, 0.82], [0.0, 0.45, 0.70]])
     rgb = np.where(t < 0.5, small + (rest - small) * 2 * t, rest + (large - rest) * (2 * t - 1))
-    return np.concatenate([rgb, np.ones_like(t)], axis=1)
+    return np.concatenate([rgb, np.ones_like(t)], axis=-1)
 
 
 @dataclass(frozen=True)

@@ -165,7 +165,7 @@ def test_the_way_of_half_a_minute_is_in_view(layout, rviz, walk):
 
 
 def test_a_film_of_the_bag_is_the_walk_that_was_recorded(bag):
-    moments = np.arange(0, 31, 2) / 60
+    moments = np.arange(0, 30, 2) / 60
     film = read_film(bag, moments)
     walked = shoot(load_controller(find_controller('biped-U-nD-snn-h')), 'flat', moments)
     np.testing.assert_array_equal(film.times, walked.times)

@@ -11,7 +11,6 @@ from rosbags.typesys import Stores, get_typestore
 
 from sim_node.sensors import SENSORS
 from sim_node.stamps import stamp_of_step
-from sim_node.terrain import Terrain
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 TYPES = STORE.types
@@ -86,32 +85,17 @@ def odometry(step: int, center: np.ndarray):
     )
 
 
-def robot_markers(corners: np.ndarray, colors: np.ndarray):
-    """Return the markers of (n, 4, 2) corners and (n, 4) colours that the simulation sends."""
-    triangles, edges = [0, 1, 2, 0, 2, 3], [0, 1, 1, 2, 2, 3, 3, 0]
-    rgba = [TYPES['std_msgs/msg/ColorRGBA'](*c) for c in np.repeat(colors, 6, axis=0).tolist()]
-    return TYPES['visualization_msgs/msg/MarkerArray']([
-        _marker('voxels', 11, corners[:, triangles].reshape(-1, 2), rgba),
-        _marker('outlines', 5, corners[:, edges].reshape(-1, 2)),
-    ])
-
-
-def ground_marker(terrain: Terrain):
-    profile = np.column_stack([terrain.x, terrain.y])
-    return TYPES['visualization_msgs/msg/MarkerArray']([_marker('ground', 4, profile)])
-
-
-def _marker(namespace: str, kind: int, places: np.ndarray, colors: Iterable = ()):
+def _marker(namespace: str, places: np.ndarray):
     point, vector = TYPES['geometry_msgs/msg/Point'], TYPES['geometry_msgs/msg/Vector3']
     black = TYPES['std_msgs/msg/ColorRGBA'](0.0, 0.0, 0.0, 1.0)
     pose = TYPES['geometry_msgs/msg/Pose'](
         point(0.0, 0.0, 0.0), TYPES['geometry_msgs/msg/Quaternion'](0.0, 0.0, 0.0, 1.0)
     )
     return TYPES['visualization_msgs/msg/Marker'](
-        header=_header(0, 'world'), ns=namespace, id=0, type=kind, action=0, pose=pose,
+        header=_header(0, 'world'), ns=namespace, id=0, type=11, action=0, pose=pose,
         scale=vector(1.0, 1.0, 1.0), color=black,
         lifetime=TYPES['builtin_interfaces/msg/Duration'](0, 0), frame_locked=False,
-        points=[point(x, 0.0, y) for x, y in places.tolist()], colors=list(colors),
+        points=[point(x, 0.0, y) for x, y in places.tolist()], colors=[],
         texture_resource='', texture=TYPES['sensor_msgs/msg/CompressedImage'](
             _header(0, ''), '', np.zeros(0, np.uint8)
         ),
@@ -130,7 +114,7 @@ def clock(step: int):
 def markers(points: Mapping[str, np.ndarray]):
     """Return a marker per namespace, with its (n, 2) points."""
     return TYPES['visualization_msgs/msg/MarkerArray'](
-        [_marker(namespace, 11, places) for namespace, places in points.items()]
+        [_marker(namespace, places) for namespace, places in points.items()]
     )
 
 

@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,14 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from imageio_ffmpeg import read_frames
 from PIL import Image
-from synthetic_bag import (
-    ground_marker,
-    make_walk,
-    messages_of_walk,
-    odometry,
-    robot_markers,
-    write_messages,
-)
+from synthetic_bag import Walk, make_walk, messages_of_walk, write_messages
 
 from sim_node.errors import InvalidInput
 from sim_node.morphology import parse_morphology
@@ -27,6 +21,7 @@ from snca_ros.cell.nca import Architecture
 from snca_ros.cli import BAD_INPUT, main
 from snca_ros.controller_file import TrainedController, save_controller
 from snca_ros.study.film import read_film, shoot
+from snca_ros.study.offline import record_offline
 from snca_ros.study.render import follow
 from snca_ros.study.storage import read_storage
 
@@ -87,7 +82,8 @@ def test_a_film_is_the_walk(trained):
         readings = simulation.step(controller.step(readings))
     np.testing.assert_array_equal(film.times, [0.0, 0.5, 1.0])
     np.testing.assert_array_equal(film.corners[2], simulation.world.corners)
-    np.testing.assert_array_equal(film.colors[2], area_colors(simulation.world.area_ratios))
+    colors = area_colors(simulation.world.area_ratios)
+    np.testing.assert_allclose(film.colors[2], colors, atol=1e-9)
     np.testing.assert_array_equal(film.centers[2], simulation.center)
 
 
@@ -121,50 +117,46 @@ def test_a_gif(controller, tmp_path, capsys):
 
 
 @pytest.fixture
-def bag(tmp_path, trained):
-    """Return a bag of the controller's first two seconds, with markers as the simulation sends."""
-    film = shoot(trained, 'hilly-1-10-0', np.arange(0.0, 2.01, 1 / 60))
-    walk = make_walk(len(film.times) - 1)
-    steps = messages_of_walk(replace(walk, centers=film.centers))
-    for k, messages in enumerate(steps):
-        steps[k] = [m for m in messages if m[0] != '/biped/markers']
-        if k % 2 == 0:
-            steps[k].append(('/biped/markers', robot_markers(film.corners[k], film.colors[k])))
-        if k % 60 == 0:
-            steps[k].append(('/biped/markers', ground_marker(film.terrain)))
-    return write_messages(tmp_path / 'bag', steps), film
+def walk(trained):
+    """Return the controller's first two seconds, as they are sent."""
+    recording, _ = record_offline(trained, Path(), 2.0, 'hilly-1-10-0')
+    return Walk(
+        recording.voxel_names, recording.centers, recording.readings[:-1],
+        recording.actuation[:-1], values=recording.values[:-1],
+        corners=recording.poses.corners, ground=recording.poses.ground,
+    )
 
 
-def test_a_film_of_a_bag_is_the_walk_that_was_recorded(bag):
-    path, walked = bag
-    film = read_film(path, np.array([0.0, 0.5, 1.0, 1.02, 2.0, 3.0]))
-    np.testing.assert_array_equal(film.times, np.array([0, 30, 60, 61, 120]) / 60)
-    shown = [0, 30, 60, 60, 120]  # markers come every other step; the walk ends before 3 s
-    np.testing.assert_array_equal(film.centers, walked.centers[shown])
-    np.testing.assert_array_equal(film.corners, walked.corners[shown])
-    np.testing.assert_allclose(film.colors, walked.colors[shown], rtol=1e-6)
-    np.testing.assert_array_equal(film.terrain.y, walked.terrain.y)
+@pytest.fixture
+def bag(walk, tmp_path):
+    return write_messages(tmp_path / 'bag', messages_of_walk(walk))
 
 
-def test_a_film_is_of_the_last_episode(bag, tmp_path):
-    _, walked = bag
-    steps = [[('/biped/odometry', odometry(k, walked.centers[90 + k]))] for k in range(30)]
-    for k in range(0, 30, 2):
-        shown = robot_markers(walked.corners[90 + k], walked.colors[90 + k])
-        steps[k].append(('/biped/markers', shown))
-    steps[0].append(('/biped/markers', ground_marker(walked.terrain)))
-    first = [[('/biped/odometry', odometry(k, walked.centers[k]))] for k in range(60)]
-    film = read_film(write_messages(tmp_path / 'reset', first + steps), np.array([0.0, 0.1]))
-    np.testing.assert_array_equal(film.corners, walked.corners[[90, 96]])
+def test_a_film_of_a_bag_is_the_walk_that_was_recorded(bag, walk, trained):
+    moments = np.array([0.0, 0.5, 1.0, 1.02, 1.95, 2.0, 3.0])
+    film = read_film(bag, moments)
+    np.testing.assert_array_equal(film.times, np.array([0, 30, 60, 61, 117, 120]) / 60)
+    shown = [0, 30, 60, 60, 116, 120]  # markers come every other step; the walk ends before 3 s
+    np.testing.assert_array_equal(film.centers, walk.centers[shown])
+    np.testing.assert_array_equal(film.corners, walk.corners[shown])
+    np.testing.assert_array_equal(film.terrain.y, walk.ground[:, 1])
+    offline = shoot(trained, 'hilly-1-10-0', np.array(shown[:-1]) / 60)
+    np.testing.assert_array_equal(film.colors[:-1], offline.colors)
+
+
+def test_a_film_is_of_the_last_episode(walk, tmp_path):
+    other = replace(walk, corners=walk.corners + 1.0)
+    steps = messages_of_walk(other)[:60] + messages_of_walk(walk)
+    film = read_film(write_messages(tmp_path / 'reset', steps), np.array([0.0, 0.1]))
+    np.testing.assert_array_equal(film.corners, walk.corners[[0, 6]])
 
 
 def test_bags_that_give_no_film(bag, tmp_path, capsys):
-    path, _ = bag
     bare = write_messages(tmp_path / 'bare', messages_of_walk(make_walk(30)))
     out = str(tmp_path / 'walk.gif')
     for arguments, word in (
-        ([str(path), out, '--start', '2.5'], 'start'),
-        ([str(path), out, '--terrain', 'flat'], 'terrain'),
+        ([str(bag), out, '--start', '2.5'], 'start'),
+        ([str(bag), out, '--terrain', 'flat'], 'terrain'),
         ([str(bare), out], 'markers'),
         ([str(tmp_path), out], 'bag'),
     ):
@@ -175,8 +167,7 @@ def test_bags_that_give_no_film(bag, tmp_path, capsys):
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 def test_damaged_markers_are_refused_or_drawn(bag, data):
-    path, _ = bag
-    topics, closed = read_storage(path)
+    topics, closed = read_storage(bag)
     markers = topics['/biped/markers'].messages
     k = data.draw(st.integers(0, 3))
     byte = data.draw(st.integers(0, len(markers[k]) - 1))
@@ -186,9 +177,9 @@ def test_damaged_markers_are_refused_or_drawn(bag, data):
         markers[k][:byte] + changed + markers[k][byte + 1 :]
     )
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr('snca_ros.study.film.read_storage', lambda path: (topics, closed))
+        patch.setattr('snca_ros.study.bag.read_storage', lambda path: (topics, closed))
         try:
-            film = read_film(path, np.array([0.0, 0.05, 0.1]))
+            film = read_film(bag, np.array([0.0, 0.05, 0.1]))
         except InvalidInput:
             return
     assert film.corners.shape == (3, 3, 4, 2)
@@ -198,7 +189,7 @@ def test_damaged_markers_are_refused_or_drawn(bag, data):
 def test_a_movie_of_controller_and_bag_side_by_side(controller, bag, tmp_path, capsys):
     out = tmp_path / 'walks.mp4'
     assert main([
-        'render', controller, str(bag[0]), str(out), '--label', 'new', '--label', 'recorded',
+        'render', controller, str(bag), str(out), '--label', 'new', '--label', 'recorded',
         '--width', '401', '--fps', '25', '--duration', '3',
     ]) == 0
     assert '51 pictures' in capsys.readouterr().out  # the bag ends after 2 s
