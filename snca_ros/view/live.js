@@ -23,6 +23,11 @@ class LiveWalk extends Walk {
     return Math.round(this.duration * this.rate) + 1;
   }
 
+  // Who opens the page late has seen nothing before.
+  get begin() {
+    return this.times[0] ?? 0;
+  }
+
   get duration() {
     return this.times.at(-1) ?? 0;
   }
@@ -61,7 +66,7 @@ class LiveWalk extends Walk {
     for (const name of ['x', 'y', 'corners', 'area', 'touch', 'actuation'])
       this.data[name].raw.push(...[numbers[name]].flat());
     const second = Math.max(time - 1, this.times[0]);
-    this.data.v_x.raw.push(time > second ? (numbers.x - this.between('x', second)) / (time - second) : 0);
+    this.data.v_x.raw.push(time > second ? (numbers.x - this.between('x', second)) / (time - second) : null);
     if (this.spiking) this.data.rate.raw.push(...this.rates(step));
     return true;
   }
@@ -108,6 +113,7 @@ class LivePlayer extends Player {
   }
 
   arrive() {
+    element('scrub').min = Math.round(this.walk.begin * this.walk.rate);
     element('scrub').max = this.walk.steps - 1;
     if (this.following) this.time = this.walk.duration;
     this.draw();

@@ -88,7 +88,7 @@ class Player {
       ...(typing ? {} : {
         ' ': () => this.toggle(),
         ArrowLeft: () => this.seek(this.time - 1), ArrowRight: () => this.seek(this.time + 1),
-        Home: () => this.seek(0), End: () => this.seek(this.walk.duration),
+        Home: () => this.seek(this.walk.begin), End: () => this.seek(this.walk.duration),
       }),
     };
     if (!(event.key in actions)) return;
@@ -118,7 +118,7 @@ class Player {
   }
 
   seek(time) {
-    this.time = Math.min(Math.max(time, 0), this.walk.duration);
+    this.time = Math.min(Math.max(time, this.walk.begin), this.walk.duration);
     this.draw();
   }
 
@@ -147,6 +147,6 @@ class Player {
     element('play').classList.toggle('playing', this.playing);
     element('time').textContent = `${this.time.toFixed(2)} s`;
     element('place').textContent = `x ${x.toFixed(1)} m`;
-    element('velocity').textContent = `v_x ${velocity.toFixed(2)} m/s`;
+    element('velocity').textContent = Number.isNaN(velocity) ? '' : `v_x ${velocity.toFixed(2)} m/s`;
   }
 }

@@ -27,7 +27,7 @@ class Plot {
     const voxels = this.each ? walk.voxels.map((_, i) => i) : [];
     this.chart = new uPlot({
       width: 300, height: 150, legend: { show: false },
-      scales: { x: { time: false, range: () => [0, Math.max(walk.duration, 1 / walk.rate)] } },
+      scales: { x: { time: false, range: () => this.range() } },
       cursor: { y: false, drag: { x: false, y: false }, points: { show: false } },
       axes: [axis('time [s]', 30), axis(label, 44)],
       series: [
@@ -49,6 +49,11 @@ class Plot {
     new ResizeObserver(() => this.fit(parent)).observe(parent);
     this.fit(parent);
     this.select();
+  }
+
+  range() {
+    const { begin, duration, rate } = this.walk;
+    return [begin, Math.max(duration, begin + 1 / rate)];
   }
 
   fit(parent) {

@@ -30,6 +30,10 @@ class Walk {
     return this.data.x.raw.length;
   }
 
+  get begin() {
+    return 0;
+  }
+
   get duration() {
     return (this.steps - 1) / this.rate;
   }
