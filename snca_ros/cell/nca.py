@@ -2,7 +2,7 @@
 
 from dataclasses import asdict, dataclass
 
-from sim_node.errors import InvalidInput, check_keys, near_miss
+from sim_node.errors import InvalidInput, check_keys, check_name
 from sim_node.morphology import DIRECTIONS
 from sim_node.sensors import N_SENSORS
 from snca_ros.cell.coding import SNN_STEPS
@@ -44,10 +44,7 @@ class Architecture:
         for name in ('uniform', 'directional', 'as_printed'):
             if not isinstance(getattr(self, name), bool):
                 raise InvalidInput(name, getattr(self, name), 'true or false')
-        if self.neuron_model not in NEURON_MODELS:
-            expected = f'one of {", ".join(NEURON_MODELS)}'
-            hint = near_miss(str(self.neuron_model), NEURON_MODELS)
-            raise InvalidInput('neuron_model', self.neuron_model, expected + hint)
+        check_name('neuron_model', self.neuron_model, NEURON_MODELS)
         if self.n_c is None:
             object.__setattr__(self, 'n_c', 1 if self.directional else 4)
         if not _is_size(self.n_c, _MAX_N_C):
@@ -63,9 +60,7 @@ class Architecture:
     @classmethod
     def named(cls, name: str, neuron_model: str, **options) -> 'Architecture':
         """Return the architecture called `name` in the paper's shorthand, such as 'U-nD'."""
-        if name not in ARCHITECTURES:
-            expected = f'one of {", ".join(ARCHITECTURES)}' + near_miss(str(name), ARCHITECTURES)
-            raise InvalidInput('architecture', name, expected)
+        check_name('architecture', name, ARCHITECTURES)
         uniform, directional = name.split('-')
         return cls(uniform == 'U', directional == 'D', neuron_model, **options)
 
