@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,22 +29,28 @@ FEWEST_SEEDS = 3
 
 @dataclass(frozen=True)
 class ControllerType:
-    """What the paper calls an embodied NCA: an architecture and a neuron model."""
+    """What the paper calls an embodied NCA: an architecture and a neuron model.
+
+    Attributes:
+        settings: in which its runs differ from others that are shown: engine, terrain, ...
+    """
 
     architecture: str
     neuron_model: str
     as_printed: bool = False
+    settings: str = ''
 
     def __str__(self) -> str:
         """Return the name that the paper gives it, such as 'U-nD SNN-H'."""
         printed = ' as printed' if self.as_printed else ''
-        return f'{self.architecture} {self.neuron_model.upper()}{printed}'
+        settings = f', {self.settings}' if self.settings else ''
+        return f'{self.architecture} {self.neuron_model.upper()}{printed}{settings}'
 
     @property
-    def order(self) -> tuple[bool, int, int]:
+    def order(self) -> tuple[bool, int, int, str]:
         """Return what sorts types: the paper's own comes first."""
         model = NEURON_MODELS.index(self.neuron_model)
-        return self.as_printed, ARCHITECTURES.index(self.architecture), -model
+        return self.as_printed, ARCHITECTURES.index(self.architecture), -model, self.settings
 
 
 @dataclass(frozen=True)
@@ -56,7 +62,7 @@ class Run:
 
     @property
     def controller(self) -> ControllerType:
-        """Return the type of its controller."""
+        """Return the type of its controller, without settings."""
         row = self.row
         return ControllerType(row['architecture'], row['neuron_model'], row['as_printed'] == 'true')
 
@@ -66,13 +72,14 @@ class Run:
         return int(self.row['n_evaluations'])
 
     @property
-    def settings(self) -> str:
-        """Return what its name tells beside its case, budget and seed: terrain, engine, ..."""
+    def settings(self) -> list[str]:
+        """Return what its row tells beside its case, budget and seed: terrain, engine, ..."""
         row = self.row
         case = f'{row["shape"]}-{row["architecture"]}-{row["neuron_model"]}-'
         printed = 'as-printed-' if self.controller.as_printed else ''
         words = row['run'].removeprefix(case + printed).removesuffix(f'-seed{row["seed"]}')
-        return '-'.join(word for word in words.split('-') if not word.startswith('evaluations'))
+        told = [word for word in words.split('-') if not word.startswith('evaluations')]
+        return told if row['engine'] in told else [*told, row['engine']]
 
     def value(self, column: str) -> float:
         """Return the number in a column of its row, or `OTHER_ENGINE`."""
@@ -104,9 +111,15 @@ def read_cases(folders: Sequence[Path]) -> Cases:
     if not runs:
         shown = ', '.join(map(str, folders))
         raise InvalidInput('results', shown, 'at least one finished run')
+    common = set.intersection(*(set(run.settings) for run in runs.values()))
+    found: dict[tuple[str, ControllerType], list[Run]] = {}
+    for run in runs.values():
+        differing = ' '.join(word for word in run.settings if word not in common)
+        controller = replace(run.controller, settings=differing)
+        found.setdefault((run.row['shape'], controller), []).append(run)
     cases: Cases = {}
-    for run in sorted(runs.values(), key=lambda run: (run.row['shape'], *run.controller.order)):
-        cases.setdefault(run.row['shape'], {}).setdefault(run.controller, []).append(run)
+    for shape, controller in sorted(found, key=lambda case: (case[0], case[1].order)):
+        cases.setdefault(shape, {})[controller] = found[shape, controller]
     return cases
 
 
@@ -173,7 +186,7 @@ def warnings(cases: Cases) -> list[str]:
         everything = [run for runs in of_shape.values() for run in runs]
         if len({run.evaluations for run in everything}) > 1:
             lines.append(f'{shape}: unequal budgets: {evidence(of_shape)}')
-        settings = sorted({run.settings for run in everything})
+        settings = sorted({controller.settings or 'defaults' for controller in of_shape})
         if len(settings) > 1:
             lines.append(f'{shape}: runs of unequal settings: {", ".join(settings)}')
     return lines

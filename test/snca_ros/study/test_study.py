@@ -94,7 +94,6 @@ def test_equal_seeds_and_budgets_give_no_warning(tmp_path):
     [
         (made_up_row(neuron_model='snn'), 'U-nD SNN: 1 seed, too few'),
         (made_up_row(seed=3, evaluations=500), 'unequal budgets'),
-        (made_up_row(seed=3, settings='flat'), 'unequal settings: flat, flat-batched'),
         (made_up_row(seed=3, v_x_unseen=-np.inf), 'U-nD SNN-H: 1 of 4 runs diverged'),
     ],
 )
@@ -116,6 +115,20 @@ def test_unequal_budgets_are_told_with_their_numbers(tmp_path):
 def test_as_printed_is_a_type_of_its_own_and_no_other_setting(tmp_path):
     rows = [made_up_row(seed=s, as_printed=p) for s in range(3) for p in (False, True)]
     assert warnings(cases_of(tmp_path, *rows)) == []
+
+
+def test_runs_of_other_settings_stand_apart(tmp_path):
+    rows = [
+        made_up_row(seed=s, settings=settings, engine=engine)
+        for s in range(3)
+        for settings, engine in (('flat', 'pymunk'), ('flat-batched', 'batched'))
+    ]
+    cases = cases_of(tmp_path, *rows)
+    assert [(str(c), len(runs)) for c, runs in cases['biped'].items()] == [
+        ('U-nD SNN-H, batched', 3), ('U-nD SNN-H, pymunk', 3)
+    ]
+    assert warnings(cases) == ['biped: runs of unequal settings: batched, pymunk']
+    assert missing_runs(cases, []) == []
 
 
 def test_missing_runs_are_named(tmp_path):
