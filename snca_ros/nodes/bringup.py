@@ -77,7 +77,8 @@ class Graph:
 class WalkOptions:
     """What a person chooses about a walk; see the help of `snca walk`.
 
-    `only` chooses the voxels of this machine, as `choose_voxels` has it.
+    `only` chooses the voxels of this machine, as `choose_voxels` has it; with `one_walk` they end
+    when their simulation has.
     """
 
     robot: str = ''
@@ -87,6 +88,7 @@ class WalkOptions:
     real_time_factor: float = 0.0
     voxels_per_process: int = 1
     only: str = ''
+    one_walk: bool = False
     bag: str = ''
     storage: str = 'mcap'
     faults: Faults = NO_FAULTS
@@ -195,7 +197,7 @@ def _voxel_parameters(
     }
     return {
         'controller': os.path.abspath(controller), 'patience': options.patience,
-        'real_time': options.real_time_factor > 0.0, **neighbors,
+        'real_time': options.real_time_factor > 0.0, 'one_walk': options.one_walk, **neighbors,
         **options.faults.of_cells,
     }
 

@@ -40,6 +40,7 @@ _SWEEP_PERIOD = 0.1  # seconds between looks into the mailboxes while nobody ste
 _LOOK_PERIOD = 0.001  # seconds between looks for a neighbour's message that is late, at first
 _LOOK_SELDOM = 0.05  # and at last: the neighbour may be dead
 _QUIET = 15  # steps without a message after which diagnostics name a neighbour
+_SIMULATION_PERIOD = 0.2  # seconds between looks at whether there is a simulation
 _VOXEL_NAME = re.compile(r'voxel_\d+_\d+')
 
 
@@ -62,6 +63,9 @@ class VoxelNode(RosNode):
         self._real_time = p(
             'real_time', False, 'step when sensors come, whatever neighbours have said by then'
         )
+        self._met_simulation = False
+        if p('one_walk', False, 'end when the simulation has come and gone'):
+            self.create_timer(_SIMULATION_PERIOD, self._end_with_simulation)
         faults = {name: p(name, *spec) for name, spec in FAULTS_OF_CELLS.items()}
         self.check_unknown_parameters()
         for field, value in (('voxel', self._voxel), *zip(DIRECTIONS, names, strict=True)):
@@ -289,6 +293,12 @@ class VoxelNode(RosNode):
             self._actuation_wire.encode(stamp, position=np.array([a]), episode=episode)
         )
         self.count('steps')
+
+    def _end_with_simulation(self) -> None:
+        there = self.count_publishers(f'{self._voxel}/{interface.SENSORS_TOPIC}') > 0
+        if self._met_simulation and not there:
+            self.exit_code = 0
+        self._met_simulation = there or self._step >= 0
 
     def close(self) -> None:
         """Let readers have what was published."""

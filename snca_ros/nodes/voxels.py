@@ -4,10 +4,10 @@ import argparse
 import os
 import signal
 import sys
+import time
 from dataclasses import replace
 
-import rclpy
-from rclpy.signals import SignalHandlerOptions
+import rclpy  # noqa: F401  # the voxels are forks that have it
 
 from sim_node import security
 from sim_node.errors import InvalidInput
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     path = find_controller(args.controller)
     options = WalkOptions(
         args.robot, real_time_factor=float(args.real_time),
-        voxels_per_process=args.voxels_per_process, only=args.only,
+        voxels_per_process=args.voxels_per_process, only=args.only, one_walk=True,
         faults=parse_faults(args.faults),
     )
     graph = replace(describe_graph(path, load_controller(path), options), simulation=None)
@@ -69,28 +69,19 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
 
 def _watch(graph: Graph, running: RunningGraph, respawn: bool) -> int:
-    """Wait until the simulation has come and gone, or all voxels have ended; 1 if one has."""
-    simulation, seen = ('sim_node', f'/{graph.robot}'), False
+    """Wait until a voxel ends because its simulation has, or all have failed; 1 if one has."""
     given_up: set[NodeProcess] = set()
-    arguments = ['--ros-args', '--enclave', graph.enclave('voxels')]
-    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        node = rclpy.create_node('voxels', namespace=f'/{graph.robot}', enable_rosout=False)
-        while len(given_up) < len(graph.voxels):
-            rclpy.spin_once(node, timeout_sec=_LOOK_PERIOD)
-            there = simulation in node.get_node_names_and_namespaces()
-            if seen and not there:
-                break
-            seen = there
-            for process in {*running.ended()} - given_up:
-                code = running.exit_code(process)
-                said = f'{" ".join(process.names)} ended with code {code}'
-                if respawn and code is not None and code < 0:  # a signal's doing
-                    print(f'{said}: started again', file=sys.stderr)
-                    running.start_again(process)
-                else:
-                    print(said, file=sys.stderr)
-                    given_up.add(process)
-        return 1 if given_up else 0
-    finally:
-        rclpy.try_shutdown()
+    while len(given_up) < len(graph.voxels):
+        time.sleep(_LOOK_PERIOD)
+        for process in {*running.ended()} - given_up:
+            code = running.exit_code(process)
+            if code == 0:
+                return 1 if given_up else 0
+            said = f'{" ".join(process.names)} ended with code {code}'
+            if respawn and code is not None and code < 0:  # a signal's doing
+                print(f'{said}: started again', file=sys.stderr)
+                running.start_again(process)
+            else:
+                print(said, file=sys.stderr)
+                given_up.add(process)
+    return 1
