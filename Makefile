@@ -51,7 +51,7 @@ api: $(TOOLS)  ## all docstrings as pages in build/api, by pdoc
 
 pictures: $(TOOLS)  ## make the pictures of README and docs/ anew
 	$(BIN)/snca render biped-U-nD-snn-h docs/walk.gif --start 8 --duration 6 --width 560
-	$(BIN)/snca assess biped-U-nD-snn-h --figure docs/robustness.png \
+	$(BIN)/snca assess biped-U-nD-snn-h biped-U-D-mlp biped-nU-D-mlp --figure docs/robustness.png \
 	  --faults loss=0..0.9..0.1 --faults delay=0..10 --faults sensor_noise=0..0.5 \
 	  --faults death=0..1@5 --faults broken_actuators=frozen:0..1@5 \
 	  --faults broken_sensors=random:0..1@5

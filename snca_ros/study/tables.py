@@ -55,6 +55,24 @@ def _told_quartiles(runs: list[Run], column: str) -> str:
     return f'{median:.2f} ({low:.2f} to {high:.2f})'
 
 
+def champions_table(cases: Cases) -> Table:
+    """Return the best controller of each case: the fastest in the mean over pushed starts."""
+    columns = {
+        'v_x': 'end of evolution', OTHER_ENGINE: 'other engine', 'v_x_unseen': 'unseen terrains',
+    }
+    rows = []
+    for of_shape in cases.values():
+        for runs in of_shape.values():
+            best = max(runs, key=lambda run: run.value('v_x_starts_mean'))
+            mean, std = (best.value(f'v_x_starts_{what}') for what in ('mean', 'std'))
+            rows.append([
+                best.row['run'], *(f'{best.value(column):.2f}' for column in columns),
+                f'{mean:.2f} ± {std:.2f}', best.row['starts'],
+            ])
+    header = ['run', *columns.values(), 'pushed starts: mean ± deviation', 'starts']
+    return Table('v_x [m/s] of the fastest of each type over pushed starts', header, rows)
+
+
 def contrasts_table(found: list[Contrast]) -> Table:
     """Return p-values and effect sizes of contrasts."""
     header = ['shape', 'v_x', 'first', 'second', 'medians [m/s]', 'p', 'p (Holm)',

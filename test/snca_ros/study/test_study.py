@@ -25,6 +25,7 @@ from snca_ros.study.comparison import median_curve
 from snca_ros.study.contrasts import COLUMNS, contrasts, shown_contrasts
 from snca_ros.study.results import read_curve
 from snca_ros.study.statistics import compare
+from snca_ros.study.tables import champions_table
 
 SNCA = ControllerType('U-nD', 'snn-h')
 
@@ -270,7 +271,7 @@ def test_page_is_whole_and_self_contained(drawn):
     assert len(captions) == 15
     told = '4 seeds × 30,000 evaluations of U-nD SNN-H, U-D MLP, nU-D MLP'
     assert all(caption.endswith(told) for caption in captions)
-    assert [len(list(table.iter('tr'))) for table in tree.iter('table')] == [1 + 9, 1 + 27]
+    assert [len(list(table.iter('tr'))) for table in tree.iter('table')] == [1 + 9, 1 + 9, 1 + 27]
     assert '#1a1a1a' not in page
     assert 'Warnings' not in page
 
@@ -311,7 +312,19 @@ def test_text_is_the_summary_and_writes_nothing(tmp_path, capsys):
     assert '| biped | end of evolution | U-nD SNN-H | U-D MLP | 6.00, 2.00 | 0.100 | 0.300 |' in out
     assert sorted(results.rglob('*')) == before
     tables = [line for line in out.splitlines() if line.startswith('|')]
-    assert len(tables) == 2 + 3 + 2 + 9
+    assert len(tables) == 2 + 3 + 2 + 3 + 2 + 9
+    fastest = '| biped-U-nD-snn-h-flat-batched-seed'
+    assert sum(line.startswith(fastest) for line in tables) == 1
+
+
+def test_the_fastest_of_a_type_is_so_over_pushed_starts(tmp_path):
+    rows = [
+        made_up_row(seed=s, v_x=v_x, v_x_starts_mean=mean, v_x_starts_std=0.25)
+        for s, (v_x, mean) in enumerate([(9.0, 1.0), (5.0, 4.0), (7.0, 3.0)])
+    ]
+    (row,) = champions_table(cases_of(tmp_path, *rows)).rows
+    told = row[0], row[1], row[-2]
+    assert told == ('biped-U-nD-snn-h-flat-batched-seed1', '5.00', '4.00 ± 0.25')
 
 
 @pytest.mark.parametrize(
