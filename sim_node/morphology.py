@@ -129,10 +129,11 @@ def parse_morphology(text: str) -> Morphology:
 
 
 def _parse_size(text: str, kind: str, size: str) -> tuple[int, int]:
-    pattern, example = (r'(\d{1,3})', 'ball-5') if kind == 'ball' else (r'(\d{1,3})x(\d{1,3})', '')
+    pattern, expected = r'(\d{1,3})x(\d{1,3})', f'{kind}-<width>x<height>, e.g. {kind}-5x3'
+    if kind == 'ball':
+        pattern, expected = r'(\d{1,3})', 'ball-<width>, e.g. ball-5'
     match = re.fullmatch(pattern, size, re.ASCII)
     if match is None:
-        expected = f'{example or kind + "-<width>x<height>, e.g. " + kind + "-5x3"}'
         raise InvalidInput('morphology', text, expected)
     w, h = int(match[1]), int(match[match.lastindex or 1])
     if not (1 <= w <= _MAX_SIDE and 1 <= h <= _MAX_SIDE):

@@ -125,7 +125,8 @@ def _read(path: Path) -> tuple[dict, np.ndarray]:
                 raise InvalidInput('file', f'{size} bytes unpacked', f'at most {_MAX_BYTES}')
             missing = {'header', 'theta'} - set(data.files)
             if missing:
-                raise InvalidInput(sorted(missing)[0], None, 'an entry of that name')
+                name = sorted(missing)[0]
+                raise InvalidInput('file', f'no entry {name}', expected)
             header, theta = _parsed(data['header']), data['theta']
     except InvalidInput:
         raise

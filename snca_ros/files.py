@@ -45,6 +45,29 @@ def write_text(path: Path, text: str) -> None:
     write_atomically(path, lambda file: file.write(text.encode()))
 
 
+def check_writable(field: str, path: Path) -> None:
+    """Check that `path` can be written, before the work whose result it is to hold.
+
+    Raises:
+        InvalidInput: it is a folder, or its folder is missing or closed to us; names `field`.
+    """
+    reason = 'Is a directory' if path.is_dir() else ''
+    if not reason:
+        try:
+            tempfile.TemporaryFile(dir=path.parent).close()
+        except OSError as error:
+            reason = told(error)
+    if reason:
+        raise InvalidInput(field, reason, 'a file that can be written', str(path))
+
+
+def told(error: Exception) -> str:
+    """Return why a file could not be read, in one line and without its name."""
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    return ' '.join(str(error).split())
+
+
 def hold_folder(path: Path, what: str, wait: bool = False) -> TextIO:
     """Hold the folder `path` against other processes until the file returned is closed.
 
@@ -76,8 +99,7 @@ def read_yaml(path: Path, expected: str) -> Any:
     try:
         return yaml.safe_load(path.read_text())
     except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
-        reason = ' '.join(str(error).split())
-        raise InvalidInput('file', reason, expected, str(path)) from None
+        raise InvalidInput('file', told(error), expected, str(path)) from None
 
 
 def check_new_bag(folder: Path) -> None:

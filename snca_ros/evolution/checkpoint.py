@@ -22,7 +22,8 @@ HISTORY = ('generation', 'evaluations', 'best', 'median', 'worst', 'best_so_far'
 
 
 def _unwritable(path: Path, error: OSError) -> InvalidInput:
-    return InvalidInput('run', error.strerror, 'a folder that can be written', str(path))
+    reason = 'a file' if path.is_file() else error.strerror
+    return InvalidInput('run', reason, 'a folder that can be written', str(path))
 
 
 @dataclass
@@ -89,6 +90,8 @@ class RunFolder:
     @classmethod
     def resume(cls, path: Path, wait: bool = False) -> 'RunFolder':
         """Open the run folder of a run that was stopped; InvalidInput if there is none."""
+        if not path.is_dir():
+            raise InvalidInput('run', 'no folder', 'the folder of an earlier run', str(path))
         if not (path / 'config.yaml').exists():
             raise InvalidInput('config.yaml', None, 'the folder of an earlier run', str(path))
         return cls(path, RunConfig.from_yaml(path / 'config.yaml'), wait)

@@ -90,6 +90,8 @@ class VoxelNode(RosNode):
 
     def _load(self, path: str, faults: dict) -> None:
         """Load this voxel's own parameters from the controller file, and find its own faults."""
+        if not path:
+            raise InvalidInput('controller', path, 'a controller file (.npz)', self.where())
         trained = load_controller(path)
         try:
             index = trained.morphology.index_of(self._voxel)

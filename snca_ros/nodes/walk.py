@@ -39,6 +39,7 @@ from snca_ros.nodes.recorder import STORAGES
 from snca_ros.nodes.view import LiveView
 from snca_ros.study import report
 from snca_ros.study.bag import read_bag
+from snca_ros.view.server import check_port
 
 INTERRUPTED = 130
 VIEW_PORT = 8765
@@ -81,8 +82,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--view', type=int, nargs='?', const=VIEW_PORT, metavar='PORT',
                         help='show the walk live on a page of this machine (default port '
                         f'{VIEW_PORT}), in real time unless --real-time tells otherwise')
-    parser.add_argument('--bag', type=Path, help='bag to write (default bags/<robot>-<time>)')
-    parser.add_argument('--no-bag', action='store_true', help='record nothing')
+    record = parser.add_mutually_exclusive_group()
+    record.add_argument('--bag', type=Path, help='bag to write (default bags/<robot>-<time>)')
+    record.add_argument('--no-bag', action='store_true', help='record nothing')
     parser.add_argument('--storage', default='mcap',
                         help=f'of the bag: {", ".join(STORAGES)} (default mcap)')
 
@@ -100,6 +102,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if args.view is not None:
         if not 0 <= args.view < 65536:
             raise InvalidInput('view', args.view, 'a port from 0 to 65535')
+        check_port(args.view)
         args.real_time = args.real_time or 1.0
     _check_shape(path, trained, args.shape)
     robot = args.robot or robot_name(trained.morphology)
@@ -109,6 +112,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     # Also checks all names and compiles the cells before ten processes need them.
     engine = args.engine or trained.chosen_by
     faults = parse_faults(args.faults)
+    print('offline first, to compare with', file=sys.stderr, flush=True)
     offline = _offline_centers(
         trained, args.terrain or trained.terrain, engine, args.duration, faults
     )

@@ -21,7 +21,7 @@ from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.locomotion import EPISODE, TRANSIENT, run_episode
 from snca_ros.evolution.workers import Workers, add_worker_arguments, open_workers
 from snca_ros.faults import NO_FAULTS, Faults
-from snca_ros.files import write_text
+from snca_ros.files import check_writable, write_text
 
 COLUMNS = ('controller', 'terrain', 'engine', 'start', 'v_x')
 """Of the CSV, a row per episode; start 0 is the exact one, others are pushed."""
@@ -112,6 +112,8 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         raise InvalidInput('starts', args.starts, 'an integer from 0 to 10000')
     if args.figure:
         check_figure(args.figure)
+    if args.csv:
+        check_writable('csv', args.csv)
     terrains = [*UNSEEN_TERRAINS] if not args.faults else ['flat']
     if args.terrains is not None:
         terrains = args.terrains.split(',')

@@ -11,7 +11,7 @@ from matplotlib.image import AxesImage
 
 from sim_node.errors import InvalidInput
 from sim_node.stamps import CONTROL_RATE
-from snca_ros.files import write_atomically
+from snca_ros.files import check_writable, write_atomically
 from snca_ros.study.bag import Recording
 from snca_ros.study.gait import area_ratios, spike_times
 
@@ -23,10 +23,15 @@ _AREA_RANGE = 0.25
 
 
 def check_figure(path: Path) -> str:
-    """Return the format that the suffix of `path` names; InvalidInput if there is none such."""
+    """Return the format that the suffix of `path` names.
+
+    Raises:
+        InvalidInput: it names none, or `path` cannot be written.
+    """
     kinds, kind = FigureCanvasBase.get_supported_filetypes(), path.suffix[1:].lower()
     if kind not in kinds:
         raise InvalidInput('figure', str(path), f'a name that ends in .{", .".join(kinds)}')
+    check_writable('figure', path)
     return kind
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from sim_node.errors import InvalidInput
 from snca_ros.evolution.checkpoint import HISTORY
 from snca_ros.evolution.config import RunConfig
+from snca_ros.files import told
 from snca_ros.status import bars
 
 EXAMPLES = """
@@ -112,8 +113,11 @@ def _rows(path: Path) -> np.ndarray:
         with path.open(newline='') as file:
             header, *rows = csv.reader(file, strict=True)
         table = np.array(rows, dtype=float).reshape(len(rows), len(HISTORY))
-    except (OSError, ValueError, csv.Error) as error:
-        raise InvalidInput('file', str(error), 'the history of a run', str(path)) from None
+    except (OSError, csv.Error) as error:
+        raise InvalidInput('file', told(error), 'the history of a run', str(path)) from None
+    except ValueError:
+        expected = f'the history of a run: {", ".join(HISTORY)}'
+        raise InvalidInput('file', 'other rows', expected, str(path)) from None
     if tuple(header) != HISTORY or not (np.diff(table[:, 1], prepend=0) > 0).all():
         expected = f'rows of {",".join(HISTORY)}, evaluations rising'
         raise InvalidInput('file', f'{len(rows)} rows under {header}', expected, str(path))

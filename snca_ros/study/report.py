@@ -10,7 +10,7 @@ import numpy as np
 from sim_node.errors import InvalidInput
 from sim_node.stamps import CONTROL_RATE
 from snca_ros.evolution.locomotion import TRANSIENT
-from snca_ros.files import write_text
+from snca_ros.files import check_writable, write_text
 from snca_ros.study.bag import Recording, TopicCount, read_bag
 from snca_ros.study.gait import Gait, measure_gait
 from snca_ros.study.health import OUTCOMES
@@ -41,8 +41,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Report as the command line says; return the exit code."""
-    from snca_ros.study.figures import draw_recording, write_figure  # matplotlib loads slowly
+    # matplotlib loads slowly
+    from snca_ros.study.figures import check_figure, draw_recording, write_figure
 
+    if args.figure:
+        check_figure(args.figure)
+    if args.json:
+        check_writable('json', args.json)
     recording = read_bag(args.bag, args.episode)
     gait = measure_gait(recording)
     lines = [*_gait_lines(recording, gait), '', *_count_lines(recording), *_link_lines(recording)]

@@ -17,7 +17,7 @@ from snca_ros.evolution.checkpoint import Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evolve import evolve
 from snca_ros.evolution.workers import IN_PROCESS
-from snca_ros.files import hold_folder, write_atomically, write_text
+from snca_ros.files import hold_folder, told, write_atomically, write_text
 from snca_ros.study.assess import Trial, score, summary
 from snca_ros.study.gait import dominant_frequency, steady_part
 
@@ -164,7 +164,7 @@ def read_rows(path: Path) -> list[dict[str, str]]:
         with path.open(newline='') as file:
             header, *rows = csv.reader(file, strict=True)
     except (OSError, ValueError, csv.Error) as error:
-        raise InvalidInput('file', str(error), 'a table of results', str(path)) from None
+        raise InvalidInput('file', told(error), 'a table of results', str(path)) from None
     if tuple(header) != COLUMNS:
         raise InvalidInput('header', header, ','.join(COLUMNS), str(path))
     seen: set[str] = set()

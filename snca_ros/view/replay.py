@@ -56,8 +56,8 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
             read_bag(source, args.episode), args.out or source / 'replay.html', args.controller
         )
         return 0
-    if args.controller:
-        parser.error('--controller is for bags')
+    if args.controller or args.episode != -1:
+        parser.error('--controller and --episode are for bags')
     if not 1 / CONTROL_RATE <= args.duration <= _MAX_DURATION:
         raise InvalidInput('duration', args.duration, f'seconds from 1/60 to {_MAX_DURATION:g}')
     file = source / 'best.npz' if is_run else find_controller(args.source)

@@ -2,6 +2,8 @@
 
 import asyncio
 import json
+import os
+import socket
 import threading
 from http import HTTPStatus
 from queue import SimpleQueue
@@ -9,12 +11,28 @@ from typing import Any
 
 from websockets.asyncio.server import ServerConnection, broadcast, serve
 from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from sim_node.errors import InvalidInput
 
 HOST = '127.0.0.1'
 _MAX_COMMAND = 1000  # bytes
+
+
+def check_port(port: int) -> None:
+    """Check that a page can be served at `port`; InvalidInput if it cannot be had."""
+    with socket.socket() as listener:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listener.bind((HOST, port))
+        except OSError as error:
+            raise _not_free(port, error) from None
+
+
+def _not_free(port: int, error: OSError) -> InvalidInput:
+    reason = os.strerror(error.errno or 0)
+    return InvalidInput('view', f'{port}: {reason}', 'a port that is free')
 
 
 class PageServer:
@@ -45,8 +63,7 @@ class PageServer:
         )
         self._thread.start()
         if isinstance(found := listening.get(), OSError):
-            expected = 'a port that is free'
-            raise InvalidInput('view', f'{port}: {found.strerror}', expected)
+            raise _not_free(port, found)
         self._hosts = f'{HOST}:{found}', f'localhost:{found}'
         self.address = f'http://{self._hosts[0]}/'
 
@@ -89,6 +106,8 @@ class PageServer:
                     self.commands.put(command)
         except ValueError:
             await client.close(1003, 'no JSON')
+        except ConnectionClosed:  # the browser went without a word
+            pass
         finally:
             self._clients.discard(client)
 

@@ -451,12 +451,12 @@ def test_unknown_field_is_named(path, header, outer):
 def test_missing_entry_is_named(path, header, entry):
     entries = {'header': header, 'theta': THETA, entry: None}
     write(path, **entries)
-    assert refusal(path).startswith(f'{entry}: got None')
+    assert refusal(path).startswith(f"file: got 'no entry {entry}'")
 
 
 def test_empty_archive(path):
     np.savez(path)
-    assert refusal(path).startswith('header: got None')
+    assert refusal(path).startswith("file: got 'no entry header'")
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import pytest
 
 import snca_ros.files
 from sim_node.errors import InvalidInput
-from snca_ros.files import check_new_bag, write_atomically, write_text
+from snca_ros.files import check_new_bag, check_writable, write_atomically, write_text
 
 ROOT = Path(snca_ros.__file__).parents[1]
 LIMIT = 120.0  # s; only a hang reaches it
@@ -54,6 +54,14 @@ def test_file_is_created_or_replaced(tmp_path, old):
 def test_text_is_utf_8(tmp_path):
     write_text(tmp_path / 'a.txt', 'ψ⁰ = 0\n')
     assert (tmp_path / 'a.txt').read_bytes() == 'ψ⁰ = 0\n'.encode()
+
+
+def test_what_can_be_written_is_known_before(tmp_path):
+    check_writable('csv', tmp_path / 'new.csv')
+    assert names(tmp_path) == []
+    for path in (tmp_path, tmp_path / 'nowhere' / 'new.csv'):
+        with pytest.raises(InvalidInput, match=f'{path.name}: csv: got'):
+            check_writable('csv', path)
 
 
 def test_readers_of_the_old_file_keep_it(tmp_path):

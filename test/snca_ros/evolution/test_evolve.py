@@ -506,7 +506,7 @@ def here(tmp_path_factory, capsys, monkeypatch):
         ('--neuron-model snn_h', ["'snn_h'", "did you mean 'snn-h'?"]),
         ('--evaluations 0', ['evaluations', '0', 'from 1 to']),
         ('--hidden a,b', ['hidden', "'a'", 'layer sizes']),
-        ('--resume nowhere', ['nowhere', 'config.yaml', 'earlier run']),
+        ('--resume nowhere', ['nowhere', 'no folder', 'earlier run']),
     ],
 )
 def test_bad_input_is_one_line_and_no_folder(tmp_path, arguments, words):
@@ -596,7 +596,7 @@ def test_long_path_is_told_in_full(tmp_path, here, begun):
     folder = begun.rename(tmp_path / ('long' * 40))
     here.refuses(*TASK, '--run', folder, words=[str(folder), 'new or empty'])
     here.refuses(*TASK, '--run', folder / 'best.npz' / 'x', words=[str(folder), 'Not a directory'])
-    here.refuses('--resume', folder / 'nowhere', words=[str(folder / 'nowhere'), 'config.yaml'])
+    here.refuses('--resume', folder / 'nowhere', words=[str(folder / 'nowhere'), 'no folder'])
     held = RunFolder.resume(folder)
     try:
         here.refuses('--resume', folder, words=[str(folder), 'no other process'])

@@ -2,6 +2,8 @@
 
 import http.client
 import json
+from logging import ERROR
+from socket import SHUT_RDWR
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -15,7 +17,7 @@ from sim_node.terrain import parse_terrain
 from snca_ros.cell.nca import Architecture
 from snca_ros.controller_file import TrainedController
 from snca_ros.view.page import live_page
-from snca_ros.view.server import PageServer
+from snca_ros.view.server import PageServer, check_port
 
 ARCHITECTURE = Architecture.named('U-nD', 'snn-h')
 TRAINED = TrainedController(
@@ -94,8 +96,20 @@ def test_who_sends_nonsense_is_left_and_others_stay(server, text):
 
 
 def test_a_port_in_use_is_told(server):
-    with pytest.raises(InvalidInput, match='expected a port that is free'):
-        PageServer(urlsplit(server.address).port, '')
+    port = urlsplit(server.address).port
+    for use in (check_port, lambda port: PageServer(port, '')):
+        with pytest.raises(InvalidInput, match=r'in use.*expected a port that is free'):
+            use(port)
+    check_port(0)
+
+
+def test_a_browser_that_goes_without_a_word_is_no_error(server, caplog):
+    with open_socket(server, server.address[:-1]) as socket:
+        socket.send('{}')
+        assert server.commands.get(timeout=10) == {}
+        socket.socket.shutdown(SHUT_RDWR)
+    server.close()  # waits for what serves the connection
+    assert [record.getMessage() for record in caplog.records if record.levelno >= ERROR] == []
 
 
 def test_the_page_follows_a_walk_and_commands(server, browser):
