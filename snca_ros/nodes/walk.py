@@ -109,22 +109,22 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     bag = args.bag or Path('bags') / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'
     if not args.no_bag:
         check_new_bag(bag)
-    # Also checks all names and compiles the cells before ten processes need them.
     engine = args.engine or trained.chosen_by
     faults = parse_faults(args.faults)
-    print('offline first, to compare with', file=sys.stderr, flush=True)
-    offline = _offline_centers(
-        trained, args.terrain or trained.terrain, engine, args.duration, faults
-    )
     options = WalkOptions(
         robot, args.terrain, engine, args.duration, args.real_time, args.voxels_per_process,
         only=args.only, bag='' if args.no_bag else str(bag), storage=args.storage, faults=faults,
         simulation={} if args.view is None else {'recorders': 2 - args.no_bag},
     )
+    graph = describe_graph(path, trained, options)
+    # Also checks all names and compiles the cells before ten processes need them.
+    offline = _offline_centers(
+        trained, args.terrain or trained.terrain, engine, args.duration, faults
+    )
     open_view = None
     if args.view is not None:
         open_view = partial(LiveView, args.view, trained, args.terrain or trained.terrain)
-    code = _walk(describe_graph(path, trained, options), options, args.respawn, open_view)
+    code = _walk(graph, options, args.respawn, open_view)
     if code or args.no_bag:
         return code
     return _report(bag, offline, may_differ=args.respawn or args.real_time > 0.0)
@@ -144,7 +144,9 @@ def _offline_centers(
         trained.morphology, terrain,
         material=trained.material, solver=trained.solver, engine=engine, **faults.of_body,
     )
-    return run_episode(simulation, trained.controller(faults), duration).centers
+    controller = trained.controller(faults)
+    print('offline first, to compare with', file=sys.stderr, flush=True)
+    return run_episode(simulation, controller, duration).centers
 
 
 def _walk(
