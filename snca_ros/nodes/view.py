@@ -149,6 +149,8 @@ class LiveView:
 
     def _obey(self, action: str, process: NodeProcess) -> None:
         """Kill, revive or disturb the process of a voxel, and of those that share it."""
+        if action not in ('kill', 'revive', 'noise'):
+            return
         if action in ('kill', 'noise'):
             self._running.kill(process)
         if action in ('revive', 'noise') and self._running.exit_code(process) is not None:
