@@ -1,6 +1,7 @@
 """(ROS) What the live page is told: the node of `walk --view` listens, a server streams."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,7 @@ class ViewNode(RosNode):
         super().__init__('view', namespace=f'/{robot}', enable_rosout=False)
         self._tell = tell
         voxels, qos = trained.morphology.voxel_names, interface.stream_qos()
+        self._voxels = voxels
         topic = topic_name(trained.architecture)
         self._odometry_wire = interface.odometry_format(trained.morphology.grid_string)
         self._robot = interface.RobotMarkers(len(voxels))
@@ -86,33 +88,52 @@ class ViewNode(RosNode):
     def _look(self) -> None:
         """Tell what has come since the last look."""
         frame, said = self._frame, []
-        for data in self._odometry_box()[-1:]:
-            stamp, (position,) = self._odometry_wire.decode(data, 'position')
-            frame['step'] = step_of_stamp(*stamp)
-            frame['x'], frame['y'] = position[0], position[2]
+        for step, x, y in self._read('odometry', self._odometry_box, self._placed):
+            frame['step'], frame['x'], frame['y'] = step, x, y
         for data in self._markers_box():
             corners = self._robot.decode(data)
             if corners is not None:
                 frame['corners'] = corners.round(_DIGITS).ravel().tolist()
         for i, (sensors, actuation, messages) in enumerate(zip(*self._boxes.values(), strict=True)):
-            for data in sensors()[-1:]:
-                _, _, readings = interface.read_joint_state(self._sensors[i], data, 0.0, 1.0)
+            voxel = self._voxels[i]
+            for readings in self._read(f'{voxel}/sensors', sensors, partial(self._sensed, i)):
                 frame['area'][i] = round(float(area_ratios(readings[np.newaxis])[0]), _DIGITS)
                 frame['touch'][i] = round(float(readings[1]), _DIGITS)
-            for data in actuation()[-1:]:
-                _, _, (a,) = interface.read_joint_state(self._actuation[i], data, -1.0, 1.0)
-                frame['actuation'][i] = float(a)
-            said += [[*self._said(i, data)] for data in messages()]
+            for a in self._read(f'{voxel}/actuation', actuation, partial(self._acted, i)):
+                frame['actuation'][i] = a
+            said += self._read(f'{voxel}/messages', messages, partial(self._said, i))
         if 'step' in frame and 'corners' in frame:
             self._tell({**frame, 'said': said})
 
-    def _said(self, i: int, data: bytes) -> tuple[int, int, list[float]]:
+    def _read(
+        self, topic: str, take: Callable[[], list[bytes]], read: Callable[[bytes], Any]
+    ) -> list[Any]:
+        """Return what `read` makes of the messages that have come; others are refused."""
+        found = []
+        for data in take():
+            try:
+                found.append(read(data))
+            except Exception as error:  # also what rclpy says about bytes of another layout
+                self.refuse(topic, error)
+        return found
+
+    def _placed(self, data: bytes) -> tuple[int, float, float]:
+        stamp, (position,) = self._odometry_wire.decode(data, 'position')
+        return step_of_stamp(*stamp), float(position[0]), float(position[2])
+
+    def _sensed(self, i: int, data: bytes) -> np.ndarray:
+        return interface.read_joint_state(self._sensors[i], data, 0.0, 1.0)[2]
+
+    def _acted(self, i: int, data: bytes) -> float:
+        return float(interface.read_joint_state(self._actuation[i], data, -1.0, 1.0)[2][0])
+
+    def _said(self, i: int, data: bytes) -> list[Any]:
         """Return step, voxel, and a number per channel: a spike train as an integer, or a value."""
         _, step, message = self._messages[i].decode(data)
         rows = message.reshape(-1, message.shape[-1])
         if not self._spiking:
-            return step, i, rows.ravel().tolist()
-        return step, i, (rows @ (1 << np.arange(SNN_STEPS))).astype(int).tolist()
+            return [step, i, rows.ravel().tolist()]
+        return [step, i, (rows @ (1 << np.arange(SNN_STEPS))).astype(int).tolist()]
 
 
 class LiveView:

@@ -122,6 +122,25 @@ def start(tmp_path):
 
 
 @pytest.fixture
+def attack():
+    """Return a function that starts an attacker on a robot."""
+    children = []
+
+    def run(robot):
+        attacker = Path(__file__).with_name('attacker.py')
+        children.append(subprocess.Popen(
+            [sys.executable, attacker, robot], env={**os.environ, 'PYTHONPATH': str(ROOT)},
+        ))
+        return children[-1]
+
+    yield run
+    for child in children:
+        assert child.poll() is None, 'the attacker itself has ended'
+        child.kill()
+        child.wait()
+
+
+@pytest.fixture
 def start_node(start, tmp_path):
     """Return a function that starts one process of a described graph."""
 

@@ -1,33 +1,9 @@
 """A robot among hostile nodes: what is wrong is refused and counted, and no step differs."""
 
-import os
 import signal
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
-import pytest
-from conftest import ROOT, go, offline
-
-
-@pytest.fixture
-def attack():
-    """Return a function that starts an attacker on a robot."""
-    children = []
-
-    def run(robot):
-        attacker = Path(__file__).with_name('attacker.py')
-        children.append(subprocess.Popen(
-            [sys.executable, attacker, robot], env={**os.environ, 'PYTHONPATH': str(ROOT)},
-        ))
-        return children[-1]
-
-    yield run
-    for child in children:
-        assert child.poll() is None, 'the attacker itself has ended'
-        child.kill()
-        child.wait()
+from conftest import go, offline
 
 
 def refused(health):

@@ -83,3 +83,15 @@ def watch_and_disturb(walk, page, twin):
     (disturbed,) = voxel_processes(walk.pid)
     assert not is_alive(revived)
     assert b'loss:=0.5' in Path(f'/proc/{disturbed}/cmdline').read_bytes()
+
+
+def test_what_others_say_does_not_end_a_watched_walk(start, attack, make_controller):
+    walk = start('walk', make_controller('11-10'), '--view', 0, '--duration', 3600, '--no-bag')
+    origin = origin_of(walk)
+    attack('/robot_11_10')
+    said = iter(walk.stdout.readline, '')
+    assert any('.view]' in line and ': refused: ' in line for line in said), 'the walk has ended'
+    with connect(origin.replace('http', 'ws'), origin=origin) as socket:
+        page = Page(socket)
+        begin = page.look_until(lambda frame: True)['step']
+        page.look_until(lambda frame: frame['step'] > begin + 30)
