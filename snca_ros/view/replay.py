@@ -1,7 +1,6 @@
 """The `replay` command: a page that plays the walk of a controller, a run's best, or a bag."""
 
 import argparse
-import csv
 import math
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from snca_ros.evolution.checkpoint import HISTORY
 from snca_ros.faults import parse_faults
 from snca_ros.files import write_text
 from snca_ros.study.bag import Recording, read_bag
+from snca_ros.study.history import read_history
 from snca_ros.study.offline import record_offline, replayed_thresholds
 from snca_ros.view.page import walk_page
 
@@ -71,7 +71,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         recording, f'{name} on {args.terrain or trained.terrain}{with_faults}',
         facts=[_described(trained)], thresholds=thresholds,
         directional=trained.architecture.directional,
-        history=_read_history(source / 'history.csv') if is_run else None,
+        history=_history(source) if is_run else None,
     )
     write_page(args.out or (source / 'replay.html' if is_run else Path(f'{name}.html')), page)
     return 0
@@ -115,16 +115,9 @@ def _described(trained: TrainedController) -> str:
     )
 
 
-def _read_history(path: Path) -> dict[str, list[float | None]]:
-    """Return the columns of a history.csv; v_x that is not finite is None."""
-    expected = f'a table with the columns {", ".join(HISTORY)}'
-    try:
-        with path.open(newline='') as file:
-            rows = [[float(row[name]) for name in HISTORY] for row in csv.DictReader(file)]
-    except (OSError, KeyError, TypeError, ValueError) as error:
-        raise InvalidInput('history', str(error), expected, str(path)) from None
-    columns = dict(zip(HISTORY, zip(*rows, strict=True), strict=False))
+def _history(run: Path) -> dict[str, list[float | None]]:
+    """Return the columns of a run's history by name; v_x that is not finite is None."""
     return {
         name: [value if math.isfinite(value) else None for value in column]
-        for name, column in columns.items()
+        for name, column in zip(HISTORY, read_history(run).rows.T.tolist(), strict=True)
     }
