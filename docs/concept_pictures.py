@@ -103,13 +103,13 @@ def draw_neuron() -> Figure:
     current = np.where(time % 3 == 0, 0.6, 0.0)
     panels = zip(figure.subplots(1, 2, sharey=True), (False, True), strict=True)
     for axes, homeostasis in panels:
-        lif, leaked, offset = lif_constants(homeostasis, False), 0.0, 0.0
+        lif, v, psi = lif_constants(homeostasis, False), 0.0, 0.0
         potentials, thresholds, spikes = [], [], []
         for h in time:
-            thresholds.append(THETA_0 + offset)
-            potentials.append(leaked + current[h])
-            fired, _, leaked, offset = step_neuron(lif, leaked, offset, THETA_0, current[h])
-            spikes += [h] if fired else []
+            thresholds.append(THETA_0 + psi)
+            potentials.append(v + current[h])
+            silent, v, psi = step_neuron(lif, v, psi, THETA_0, current[h])
+            spikes += [] if silent else [h]
         ms = 1000 / SNN_RATE
         axes.plot(time * ms, potentials, linewidth=0.8, label='potential v')
         axes.plot(time * ms, thresholds, linewidth=1.2, label='threshold θ')

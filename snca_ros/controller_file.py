@@ -1,5 +1,6 @@
 """Controller files: trained parameters and all that is needed to run them again, in one .npz."""
 
+import functools
 import json
 import zipfile
 from dataclasses import asdict, dataclass, field
@@ -62,6 +63,7 @@ class TrainedController:
         return Controller(self.architecture, self.morphology, self.theta, faults)
 
 
+@functools.cache
 def package_versions() -> dict[str, str]:
     """Return the versions of the packages that decide an episode's result."""
     versions = {}

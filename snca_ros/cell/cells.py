@@ -35,7 +35,7 @@ class CellState(NamedTuple):
     weights: np.ndarray  # (n_rows, ...) with rows of synapses padded
     ceilings: np.ndarray  # (n_rows, n_layers, W) of the thresholds at rest [mV]
     lif: snn.Lif
-    v: np.ndarray  # (n, n_layers, W) potential [mV]
+    v: np.ndarray  # (n, n_layers, W) potential [mV], which has leaked for the next step
     psi: np.ndarray  # (n, n_layers, W) homeostatic offset [mV]
     theta: np.ndarray  # (n, n_layers, W) threshold [mV], where it compounds
     last_spike: np.ndarray  # (n, 4) SNN step of the newest spike that encodes each reading

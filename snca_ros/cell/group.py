@@ -49,7 +49,7 @@ class GroupState(NamedTuple):
     weights: np.ndarray  # lanes (n_rows, n_synapses), biases included
     ceilings: np.ndarray  # lanes (n_rows, n_neurons) of the thresholds at rest [mV]
     lif: snn.Lif
-    v: np.ndarray  # lanes (n, n_neurons) potential [mV]
+    v: np.ndarray  # lanes (n, n_neurons) potential [mV], which has leaked for the next step
     psi: np.ndarray  # lanes (n, n_neurons) homeostatic offset [mV]
     theta: np.ndarray  # lanes (n, n_neurons) threshold [mV], where it compounds
     last_spike: np.ndarray  # lanes (n, 4) SNN step of the newest spike that encodes each reading

@@ -91,43 +91,41 @@ def propagate(cell, row, layer, pre, n, weights, synapse, trains, currents):
 
 
 @compiled_inline
-def step_neuron(lif, leaked, offset, rest, current):
+def step_neuron(lif, v, psi, rest, current):
     """Advance a neuron, or one in each lane, by one SNN step (paper, Eq. 1 to 3).
 
-    theta = min(theta_0, ceiling) + psi; v <- v - lambda dt v + current; v >= theta: a spike,
-    v <- v_rest, psi <- psi + psi_inc; else psi <- psi - lambda dt psi.
+    theta = min(theta_0, ceiling) + psi; v <- v + current; v >= theta: a spike, v <- v_rest,
+    psi <- psi + psi_inc; else psi <- psi - lambda dt psi. Then v leaks, ready for the next step:
+    v <- v - lambda dt v.
 
     Args:
         lif: the model's constants.
-        leaked: v - lambda dt v [mV], which the step before computes in advance, while its
-            comparison is under way.
-        offset: psi [mV].
+        v: potential [mV], which has leaked.
+        psi: homeostatic offset [mV].
         rest: min(theta_0, ceiling) [mV].
         current: [mV].
 
     Returns:
-        Whether the neuron fired, and the new v, `leaked` and psi.
+        Whether the neuron was silent, and the new v and psi.
     """
-    potential = leaked + current
-    fired = potential >= rest + offset
-    offset = offset + select(fired, lif.psi_inc, -lif.leak * offset)
-    leaked = select(fired, V_REST, potential - lif.leak * potential)  # from 0 nothing leaks
-    return fired, select(fired, V_REST, potential), leaked, offset
+    v = v + current
+    silent = v < rest + psi
+    psi = psi + select(silent, -lif.leak * psi, lif.psi_inc)
+    return silent, select(silent, v - lif.leak * v, V_REST), psi  # from V_REST nothing leaks
 
 
 @compiled_inline
-def step_neuron_as_printed(lif, leaked, offset, threshold, ceiling, current):
+def step_neuron_as_printed(lif, v, psi, theta, ceiling, current):
     """Advance a neuron, or one in each lane, as the paper prints it.
 
-    The threshold compounds, and a spike needs v > theta. Arguments and results as of
+    The threshold theta compounds, and a spike needs v > theta. Arguments and results as of
     `step_neuron`, and the new theta.
     """
-    potential = leaked + current
-    threshold = min(threshold, ceiling) + offset
-    fired = potential > threshold
-    offset = offset + select(fired, lif.psi_inc, -lif.leak * offset)
-    leaked = select(fired, V_REST, potential - lif.leak * potential)
-    return fired, select(fired, V_REST, potential), leaked, offset, threshold
+    v = v + current
+    theta = min(theta, ceiling) + psi
+    silent = v <= theta
+    psi = psi + select(silent, -lif.leak * psi, lif.psi_inc)
+    return silent, select(silent, v - lif.leak * v, V_REST), psi, theta
 
 
 @compiled_kernel
@@ -142,19 +140,16 @@ def fire(lif, cell, row, layer, n, currents, ceilings, v, psi, trains):
         n: neurons, a multiple of LANES.
         currents: (SNN_STEPS, widest) [mV].
         ceilings: (n_rows, n_layers, widest) of `threshold_ceilings`.
-        v, psi: (n_cells, n_layers, widest) state [mV], written.
+        v, psi: (n_cells, n_layers, widest) state [mV] of `step_neuron`, written.
         trains: (n_cells, n_layers, widest) spike trains, written.
     """
     for j in range(n):
         rest = min(THETA_0, ceilings[row, layer, j])
         potential, offset = v[cell, layer, j], psi[cell, layer, j]
-        leaked = potential - lif.leak * potential
         train = 0
         for h in range(SNN_STEPS):
-            fired, potential, leaked, offset = step_neuron(
-                lif, leaked, offset, rest, currents[h, j]
-            )
-            train |= 1 << h if fired else 0
+            silent, potential, offset = step_neuron(lif, potential, offset, rest, currents[h, j])
+            train |= 0 if silent else 1 << h
         v[cell, layer, j], psi[cell, layer, j] = potential, offset
         trains[cell, layer, j] = train
 
@@ -168,13 +163,12 @@ def fire_as_printed(lif, cell, row, layer, n, currents, ceilings, v, psi, theta,
     for j in range(n):
         threshold = theta[cell, layer, j]
         potential, offset = v[cell, layer, j], psi[cell, layer, j]
-        leaked = potential - lif.leak * potential
         train = 0
         for h in range(SNN_STEPS):
-            fired, potential, leaked, offset, threshold = step_neuron_as_printed(
-                lif, leaked, offset, threshold, ceilings[row, layer, j], currents[h, j]
+            silent, potential, offset, threshold = step_neuron_as_printed(
+                lif, potential, offset, threshold, ceilings[row, layer, j], currents[h, j]
             )
-            train |= 1 << h if fired else 0
+            train |= 0 if silent else 1 << h
         theta[cell, layer, j] = threshold
         v[cell, layer, j], psi[cell, layer, j] = potential, offset
         trains[cell, layer, j] = train

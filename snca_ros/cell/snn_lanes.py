@@ -11,9 +11,10 @@ would count references to it there.
 from typing import NamedTuple
 
 import numpy as np
+from numba.cpython.unsafe.numbers import trailing_zeros
 
 from sim_node.compiled import compiled, inlined_part
-from sim_node.lanes import bits_of, like, load, mask_like, select, store
+from sim_node.lanes import any_lane, bits_of, like, load, mask_like, select, store
 from snca_ros.cell import snn
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.cell.layers import padded
@@ -22,27 +23,31 @@ PAIR = 2
 """Neurons that step by turns, for each has to wait for its own last step; layers are padded to
 whole pairs."""
 
+_WORD = 64
+
 
 class Spikes(NamedTuple):
     """The spikes of one cell of every robot within a control step.
 
     Attributes:
         trains: (n_neurons, SNN_STEPS) masks.
-        firing: (SNN_STEPS, widest) neurons of a layer that fire in a step for some robot.
-        n_firing: (SNN_STEPS,) how many do.
+        heard: (n_words, SNN_STEPS) which neurons of the layer before fire in a step for some
+            robot: bit i of word w is neuron 64 w + i.
+        fired: the same of the layer that runs.
     """
 
     trains: np.ndarray
-    firing: np.ndarray
-    n_firing: np.ndarray
+    heard: np.ndarray
+    fired: np.ndarray
 
 
 def make_spikes(sizes: tuple[int, ...]) -> Spikes:
     """Return room for the spikes of layers of these sizes."""
+    n_words = -(-max(sizes) // _WORD)
     return Spikes(
         trains=np.zeros((sum(padded(n, PAIR) for n in sizes), SNN_STEPS), dtype=np.int64),
-        firing=np.zeros((SNN_STEPS, max(sizes)), dtype=np.int64),
-        n_firing=np.zeros(SNN_STEPS, dtype=np.int64),
+        heard=np.zeros((n_words, SNN_STEPS), dtype=np.int64),
+        fired=np.zeros((n_words, SNN_STEPS), dtype=np.int64),
     )
 
 
@@ -56,50 +61,39 @@ def run_network(lif, cell, row, sizes, weights, ceilings, v, psi, theta, spikes)
         sizes: (n_layers,) neurons per layer.
         weights: lanes (n_rows, n_synapses) of `pad_synapses` to a multiple of PAIR.
         ceilings: lanes (n_rows, n_neurons) of `snn.threshold_ceilings`, a layer after the other.
-        v, psi, theta: lanes (n_cells, n_neurons) state [mV], written.
+        v, psi, theta: lanes (n_cells, n_neurons) state [mV] of `snn.step_neuron`, written.
         spikes: `trains` of the input layer come in; all leave as the layers'.
     """
-    trains, firing, n_firing = spikes
-    before = first = synapse = pre = 0
+    trains, heard, fired = spikes
+    fired[:] = 0
+    first = synapse = pre = 0
     for layer in range(sizes.shape[0]):
         n = (sizes[layer] + PAIR - 1) // PAIR * PAIR
-        list_firing(before, pre, trains, firing, n_firing)
+        heard[:] = fired
+        fired[:] = 0
         if lif.as_printed:
             run_layer_as_printed(
-                lif, cell, row, before, pre, first, n, synapse, weights, ceilings, v, psi, theta,
-                trains, firing, n_firing,
+                lif, cell, row, pre, first, n, synapse, weights, ceilings, v, psi, theta,
+                trains, heard, fired,
             )
         else:
             run_layer(
-                lif, cell, row, before, pre, first, n, synapse, weights, ceilings, v, psi,
-                trains, firing, n_firing,
+                lif, cell, row, pre, first, n, synapse, weights, ceilings, v, psi,
+                trains, heard, fired,
             )
-        synapse += pre * n
-        before, pre = first, sizes[layer]
-        first += n
-
-
-@inlined_part
-def list_firing(first, n, trains, firing, n_firing):
-    """List for each SNN step which of the n neurons from `first` fire for some robot."""
-    for h in range(SNN_STEPS):
-        last = 0
-        for i in range(n):
-            firing[h, last] = i
-            last += trains[first + i, h] != 0
-        n_firing[h] = last
+        synapse += sizes[layer - 1] * n if layer > 0 else 0
+        first, pre = first + n, n
 
 
 @inlined_part
 def run_layer(
-    lif, cell, row, before, pre, first, n, synapse, weights, ceilings, v, psi,
-    trains, firing, n_firing,
+    lif, cell, row, pre, first, n, synapse, weights, ceilings, v, psi, trains, heard, fired
 ):
     """Run a layer through a control step: what `snn.propagate` and `snn.fire` do.
 
     Args:
-        before, pre: first neuron of the layer before and how many it has; 0 for the input
-            layer, whose neurons are fed by their own trains with weight 1.
+        pre: neurons of the layer before, padded; 0 for the input layer, whose neurons are fed by
+            their own trains with weight 1.
         first, n, synapse: the layer's first neuron, how many it has, and its first synapse.
             The other arguments are as of `run_network`.
     """
@@ -107,26 +101,35 @@ def run_layer(
         j, k = first + i, first + i + 1
         v_j, v_k = load(v, cell, j), load(v, cell, k)
         psi_j, psi_k = load(psi, cell, j), load(psi, cell, k)
+        if pre == 0:  # what has never heard anything rests, and sends nothing
+            at_rest = (v_j == 0.0) & (v_k == 0.0) & (psi_j == 0.0) & (psi_k == 0.0)
+            spiking = 0
+            for h in range(SNN_STEPS):
+                spiking |= trains[j, h] | trains[k, h]
+            if spiking == 0 and not any_lane(~at_rest):
+                continue
         rest_j = min(snn.THETA_0, load(ceilings, row, j))
         rest_k = min(snn.THETA_0, load(ceilings, row, k))
-        leaked_j, leaked_k = v_j - lif.leak * v_j, v_k - lif.leak * v_k
+        robots = bits_of(like(v_j, 0.0) == 0.0)
         for h in range(SNN_STEPS):
             current_j = current_k = like(v_j, 0.0)
             if pre == 0:
                 current_j = select(mask_like(v_j, trains[j, h]), 1.0, current_j)
                 current_k = select(mask_like(v_k, trains[k, h]), 1.0, current_k)
-            for e in range(n_firing[h]):
-                spikes = mask_like(v_j, trains[before + firing[h, e], h])
-                m = synapse + firing[h, e] * n + i
-                current_j = select(spikes, current_j + load(weights, row, m), current_j)
-                current_k = select(spikes, current_k + load(weights, row, m + 1), current_k)
-            fired_j, v_j, leaked_j, psi_j = snn.step_neuron(
-                lif, leaked_j, psi_j, rest_j, current_j
-            )
-            fired_k, v_k, leaked_k, psi_k = snn.step_neuron(
-                lif, leaked_k, psi_k, rest_k, current_k
-            )
-            trains[j, h], trains[k, h] = bits_of(fired_j), bits_of(fired_k)
+            for word in range(heard.shape[0]):
+                waiting = heard[word, h]
+                while waiting != 0:
+                    e = _WORD * word + trailing_zeros(waiting)
+                    waiting &= waiting - 1
+                    spikes = mask_like(v_j, trains[first - pre + e, h])
+                    m = synapse + e * n + i
+                    current_j = select(spikes, current_j + load(weights, row, m), current_j)
+                    current_k = select(spikes, current_k + load(weights, row, m + 1), current_k)
+            silent_j, v_j, psi_j = snn.step_neuron(lif, v_j, psi_j, rest_j, current_j)
+            silent_k, v_k, psi_k = snn.step_neuron(lif, v_k, psi_k, rest_k, current_k)
+            fired_j, fired_k = robots ^ bits_of(silent_j), robots ^ bits_of(silent_k)
+            trains[j, h], trains[k, h] = fired_j, fired_k
+            fired[i // _WORD, h] |= ((fired_j != 0) | (fired_k != 0) << 1) << i % _WORD
         store(v, cell, j, v_j)
         store(v, cell, k, v_k)
         store(psi, cell, j, psi_j)
@@ -135,27 +138,32 @@ def run_layer(
 
 @inlined_part
 def run_layer_as_printed(
-    lif, cell, row, before, pre, first, n, synapse, weights, ceilings, v, psi, theta,
-    trains, firing, n_firing,
+    lif, cell, row, pre, first, n, synapse, weights, ceilings, v, psi, theta, trains, heard, fired
 ):
     """Run a layer as the paper prints it, `snn.fire_as_printed`; arguments as of `run_layer`."""
     for i in range(n):
         j = first + i
         v_j, psi_j = load(v, cell, j), load(psi, cell, j)
         theta_j, ceiling = load(theta, cell, j), load(ceilings, row, j)
-        leaked = v_j - lif.leak * v_j
+        robots = bits_of(like(v_j, 0.0) == 0.0)
         for h in range(SNN_STEPS):
             current = like(v_j, 0.0)
             if pre == 0:
                 current = select(mask_like(v_j, trains[j, h]), 1.0, current)
-            for e in range(n_firing[h]):
-                spikes = mask_like(v_j, trains[before + firing[h, e], h])
-                w = load(weights, row, synapse + firing[h, e] * n + i)
-                current = select(spikes, current + w, current)
-            fired, v_j, leaked, psi_j, theta_j = snn.step_neuron_as_printed(
-                lif, leaked, psi_j, theta_j, ceiling, current
+            for word in range(heard.shape[0]):
+                waiting = heard[word, h]
+                while waiting != 0:
+                    e = _WORD * word + trailing_zeros(waiting)
+                    waiting &= waiting - 1
+                    spikes = mask_like(v_j, trains[first - pre + e, h])
+                    w = load(weights, row, synapse + e * n + i)
+                    current = select(spikes, current + w, current)
+            silent, v_j, psi_j, theta_j = snn.step_neuron_as_printed(
+                lif, v_j, psi_j, theta_j, ceiling, current
             )
-            trains[j, h] = bits_of(fired)
+            fired_j = robots ^ bits_of(silent)
+            trains[j, h] = fired_j
+            fired[i // _WORD, h] |= (fired_j != 0) << i % _WORD
         store(v, cell, j, v_j)
         store(psi, cell, j, psi_j)
         store(theta, cell, j, theta_j)

@@ -5,7 +5,7 @@ import math
 import signal
 import sys
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,7 +43,7 @@ def evolve(
     quarter; the best of these is what best.npz holds.
 
     Args:
-        folder: the run; after every generation its files are up to date.
+        folder: the run; its files follow every generation, while the next one walks.
         workers: what evaluates; the result does not depend on it.
         report: called with the `Progress` after every generation.
     """
@@ -68,16 +68,20 @@ def _spend(
             strategy.restore(progress.strategy)
         except InvalidInput as error:
             raise error.found_in(str(folder.path / 'checkpoint.npz')) from None
-    while progress.evaluations < config.evaluations:
-        candidates = strategy.ask()[: config.evaluations - progress.evaluations]
-        fitness = np.array(list(evaluate(workers, config, candidates)))
-        strategy.tell(candidates, fitness)
-        progress = Progress(
-            strategy.state(),
-            [*progress.history, _history_row(progress, fitness, strategy)],
-        )
-        folder.save(progress)
-        report(progress)
+    with ThreadPoolExecutor(max_workers=1) as saver:  # leaves when the last is saved
+        saved = saver.submit(lambda: None)
+        while progress.evaluations < config.evaluations:
+            candidates = strategy.ask()[: config.evaluations - progress.evaluations]
+            fitness = np.array(list(evaluate(workers, config, candidates)))
+            strategy.tell(candidates, fitness)
+            progress = Progress(
+                strategy.state(),
+                [*progress.history, _history_row(progress, fitness, strategy)],
+            )
+            saved.result()
+            saved = saver.submit(folder.save, progress)
+            report(progress)
+        saved.result()
     return progress
 
 
