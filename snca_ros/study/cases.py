@@ -92,17 +92,21 @@ Cases = dict[str, dict[ControllerType, list[Run]]]
 """Shape to type of controller to runs, at least one each."""
 
 
-def read_cases(folders: Sequence[Path]) -> Cases:
-    """Return the runs of all results folders, each once.
+def read_cases(folders: Sequence[Path], campaigns: Sequence[Path] = ()) -> Cases:
+    """Return the runs of all results folders, each once; if there are campaign files, theirs.
 
     Raises:
-        InvalidInput: a table is missing, damaged or has no row, or two tables do not agree.
+        InvalidInput: a table is missing or damaged, no run is left, two tables do not agree, or
+            a campaign file is off.
     """
     runs: dict[str, Run] = {}
+    wanted = {config.name for path in campaigns for config in read_campaign(path)}
     for folder in folders:
         table = folder / 'results.csv'
         for row in read_rows(table):
             _check_row(row, str(table))
+            if campaigns and row['run'] not in wanted:
+                continue
             run = Run(row, folder / 'histories' / f'{row["run"]}.csv')
             known = runs.setdefault(row['run'], run)
             if known.row != row:
@@ -110,7 +114,8 @@ def read_cases(folders: Sequence[Path]) -> Cases:
                 raise InvalidInput('run', row['run'], expected, str(table))
     if not runs:
         shown = ', '.join(map(str, folders))
-        raise InvalidInput('results', shown, 'at least one finished run')
+        of = f' of {", ".join(map(str, campaigns))}' if campaigns else ''
+        raise InvalidInput('results', shown, f'at least one finished run{of}')
     common = set.intersection(*(set(run.settings) for run in runs.values()))
     found: dict[tuple[str, ControllerType], list[Run]] = {}
     for run in runs.values():

@@ -21,7 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('results', nargs='+', type=Path, metavar='RESULTS',
                         help='results folders of campaigns; their tables are joined')
     parser.add_argument('--campaign', action='append', type=Path, default=[], metavar='FILE',
-                        help='campaign file, whose missing runs are named; may be given again')
+                        help='only the runs of this campaign file, of which the missing '
+                             'are named; may be given again')
     parser.add_argument('--output', type=Path, metavar='FOLDER',
                         help='index.html, statistics.csv and figures (default RESULTS/study)')
     parser.add_argument('--text', action='store_true',
@@ -32,7 +33,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Study as the command line says; return the exit code."""
     if args.text and args.output:
         parser.error('--text writes nothing; drop --output')
-    cases = read_cases(args.results)
+    cases = read_cases(args.results, args.campaign)
     found = contrasts(cases)
     shown = shown_contrasts(found)
     warned, missing = warnings(cases), missing_runs(cases, args.campaign)

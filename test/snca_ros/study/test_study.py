@@ -66,6 +66,23 @@ def test_tables_are_joined_and_a_shared_run_counts_once(tmp_path):
     assert len(cases['biped'][ControllerType('U-nD', 'snn')]) == 1
 
 
+def test_a_campaign_picks_its_runs_of_a_shared_table(tmp_path):
+    more = [made_up_row(neuron_model='snn'), made_up_row(seed=5)]
+    results = write_results(tmp_path / 'results', [*paper_rows(2), *more])
+    file = tmp_path / 'campaign.yaml'
+    file.write_text(yaml.safe_dump({
+        'shape': 'biped', 'seed': [0, 5], 'architecture': 'U-nD', 'neuron_model': ['snn-h', 'snn'],
+    }))
+    cases = read_cases([results], [file])
+    assert {shape: list(map(str, types)) for shape, types in cases.items()} == {
+        'biped': ['U-nD SNN-H', 'U-nD SNN']
+    }
+    assert [run.row['seed'] for run in cases['biped'][SNCA]] == ['0', '5']
+    file.write_text(file.read_text().replace('biped', 'worm').replace('U-nD', 'U-D'))
+    with pytest.raises(InvalidInput, match=r'results: .*at least one finished run of .*campaign'):
+        read_cases([results], [file])
+
+
 def test_tables_that_do_not_agree_are_refused(tmp_path):
     one = write_results(tmp_path / 'one', [made_up_row()])
     two = write_results(tmp_path / 'two', [made_up_row(v_x=1.0)])
