@@ -14,12 +14,10 @@ import numpy as np
 
 from benchmarks.batched import new_robots, seconds
 from benchmarks.command import run_part
-from sim_node.batched.group import ENDS, N_SPRINGS, SPIN, VX, VY
+from sim_node.batched.group import SPIN, VX, VY
 from sim_node.batched.springs import damp, get_velocity, set_velocity
 from sim_node.compiled import compiled, compiled_kernel
 from sim_node.simulation import Simulation
-
-_ENDS = np.array(ENDS[:N_SPRINGS])
 
 
 @compiled
@@ -27,8 +25,7 @@ def by_type(group, springs, masses, n):
     """Let every spring damp `n` times, on values of lanes."""
     for _ in range(n):
         for k in range(springs.shape[0]):
-            voxel = k // N_SPRINGS
-            a, b = 4 * voxel + _ENDS[k % N_SPRINGS, 0], 4 * voxel + _ENDS[k % N_SPRINGS, 1]
+            a, b = group.spring_ends[k, 0], group.spring_ends[k, 1]
             va, vb = damp(springs, k, get_velocity(masses, a), get_velocity(masses, b))
             set_velocity(masses, a, va)
             set_velocity(masses, b, vb)
@@ -56,8 +53,7 @@ def _sweeps(loop):
     def by_loops(group, springs, masses, n):
         for _ in range(n):
             for k in range(springs.shape[0]):
-                voxel = k // N_SPRINGS
-                a, b = 4 * voxel + _ENDS[k % N_SPRINGS, 0], 4 * voxel + _ENDS[k % N_SPRINGS, 1]
+                a, b = group.spring_ends[k, 0], group.spring_ends[k, 1]
                 loop(springs[k], masses[a], masses[b])
 
     return by_loops

@@ -2,7 +2,8 @@
 
 `load(array, i, j)` gives the W numbers of one row as one value; arithmetic, comparison and
 `select` on such values act lane by lane, each lane rounded as IEEE prescribes, so a lane's result
-cannot depend on its place or on its neighbours. A plain number stands for W equal ones. LLVM
+cannot depend on its place or on its neighbours. A plain number stands for W equal ones; of equal
+or unordered values `min` and `max` return the second, numba's of numbers the first. LLVM
 splits a value wider than the machine's registers into several of them.
 
 Arrays are of `dtype(W)`: (rows, fields) of W doubles each, robots contiguous and innermost.

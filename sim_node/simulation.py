@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_node import munk
-from sim_node.batched.robots import OneRobot, Robots, advance_group, one_robot
+from sim_node.batched.robots import OneRobot, Robots, one_robot
 from sim_node.body import build_body, pushed
 from sim_node.compiled import compiled
 from sim_node.errors import InvalidInput
@@ -194,10 +194,10 @@ class Simulation:
         self.solver = solver or Solver()
         self.push = push
         self._faults = BodyFaults(morphology, sensor_noise, broken_sensors, broken_actuators, seed)
-        self._body = pushed(build_body(morphology, terrain, self.material), push)
         if engine == 'batched':
-            self._robots = Robots(morphology, terrain, self.material, self.solver, width=1)
+            self._robots = Robots(morphology, terrain, self.material, self.solver, 1, push)
         else:
+            self._body = pushed(build_body(morphology, terrain, self.material), push)
             self._ground = terrain.polygons
         self.step_count = 0
         self.reset()
@@ -210,9 +210,6 @@ class Simulation:
         if self.engine == 'batched':
             self._robots.reset()
             self.world = one_robot(self._robots.group)
-            if self.push:
-                self.world.masses[:, :2] = self._body.positions
-                advance_group(self._robots.group, 0)  # only senses
         else:
             self.world = self._new_world()
             sense(self.world, 0)

@@ -37,13 +37,7 @@ def gaps_of_ground(polygon, mass):
 
 @inlined_part
 def widest_gap(polygon, mass, gaps):
-    """Return the axis of least overlap, as normal (nx, ny) out of the ground, and its gap [m].
-
-    Args:
-        polygon: where it lies.
-        mass: how it lies.
-        gaps: what `gaps_of_ground` returned.
-    """
+    """Return the axis of least overlap, as normal (nx, ny) out of the ground, and its gap [m]."""
     c, s, h = mass
     over_top, over_left, over_right = gaps
     best = like(c, polygon[5]), like(c, polygon[6]), over_top
@@ -80,7 +74,7 @@ def _extent(ux, uy, polygon):
 
 @inlined_part
 def contact_points(polygon, mass, nx, ny):
-    """Return two points as x, y, depth, key, x, y, depth, key; contacts where depth <= 0.
+    """Return two points, each as x, y, depth, key; contacts where depth <= 0.
 
     (x, y) on the mass [m] from its centre; depth [m], negative in the ground; the key tells by
     which corners of both shapes the point was made.
@@ -97,7 +91,9 @@ def contact_points(polygon, mass, nx, ny):
     t, u = _clip((at_e - at_a) * per_ab), _clip((at_b - at_e) * per_ef)
     qx, qy = _lerp(ax, bx, t), _lerp(ay, by, t)
     depth_q = nx * (qx - _lerp(ex, fx, u)) + ny * (qy - _lerp(ey, fy, u))
-    return px, py, depth_p, 4.0 * corner_a + corner_f, qx, qy, depth_q, 4.0 * corner_b + corner_e
+    return (
+        (px, py, depth_p, 4.0 * corner_a + corner_f), (qx, qy, depth_q, 4.0 * corner_b + corner_e)
+    )
 
 
 @inlined_part
@@ -128,7 +124,7 @@ def _edge_of_polygon(polygon, nx, ny):
 
 @inlined_part
 def _clip(t):
-    return max(min(t, like(t, 1.0)), like(t, 0.0))
+    return max(min(t, 1.0), 0.0)
 
 
 @inlined_part

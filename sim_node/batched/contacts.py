@@ -6,25 +6,11 @@ and take over the impulses that the same point had, if mass and polygon touched 
 three steps.
 """
 
+import numpy as np
+
 from sim_node.batched.broad_phase import left_box, near_polygons
 from sim_node.batched.collision import contact_points, gaps_of_ground, polygon_from, widest_gap
-from sim_node.batched.group import (
-    BIAS_SPIN,
-    BIAS_X,
-    BIAS_Y,
-    COS,
-    NX,
-    NY,
-    POLYGON,
-    RANK,
-    SIN,
-    SLOP,
-    STAMP,
-    TURN,
-    WARM,
-    X,
-    Y,
-)
+from sim_node.batched.group import BIAS_X, COS, NX, NY, POLYGON, RANK, SIN, STAMP, TURN, WARM, X, Y
 from sim_node.batched.springs import get_velocity, set_velocity
 from sim_node.compiled import compiled_part, inlined_part
 from sim_node.lanes import any_lane, like, load, select, store
@@ -35,6 +21,9 @@ POINTS = 7, 17
 ARM_N, ARM_T, MASS_N, MASS_T, BIAS, BOUNCE, IMPULSE_N, IMPULSE_T, IMPULSE_BIAS, KEY = range(10)
 """Fields of a point: lever arms about the mass's centre and effective masses along normal and
 tangent, velocity that mends the overlap, velocity to bounce off with, impulses, corners."""
+
+SLOP = float(np.float32(0.1))
+"""Depth [m] of an overlap that Munk2D leaves alone."""
 
 _PERSISTENCE = 3
 
@@ -84,8 +73,8 @@ def _meet_ground(group, i, moved, now):
         touch = touch & (gap <= 0.0)
         if not any_lane(touch):
             continue
-        points = contact_points(polygon, mass, nx, ny)
-        touch = touch & ((points[2] <= 0.0) | (points[6] <= 0.0))
+        p_point, q_point = contact_points(polygon, mass, nx, ny)
+        touch = touch & ((p_point[2] <= 0.0) | (q_point[2] <= 0.0))
         if not any_lane(touch):
             continue
         row = i * group.slots + p % group.slots
@@ -95,7 +84,7 @@ def _meet_ground(group, i, moved, now):
             _forget(group.contacts, row)
         # Two points act in the order in which Munk2D finds them: its own shape first, which is
         # the mass in a step in which it got a new box, and the ground else.
-        one, two = _choose(moved, points, 0, 4), _choose(moved, points, 4, 0)
+        one, two = _choose(moved, p_point, q_point), _choose(moved, q_point, p_point)
         _remember(group, i, row, p, touch, (nx, ny), one, two, now)
     return met
 
@@ -110,11 +99,11 @@ def _forget(contacts, row):
 
 
 @inlined_part
-def _choose(mask, points, a, b):
-    """Return, lane by lane, of the points at a and b that at a where `mask` holds."""
+def _choose(mask, a, b):
+    """Return, lane by lane, point a where `mask` holds, else b."""
     return (
-        select(mask, points[a], points[b]), select(mask, points[a + 1], points[b + 1]),
-        select(mask, points[a + 2], points[b + 2]), select(mask, points[a + 3], points[b + 3]),
+        select(mask, a[0], b[0]), select(mask, a[1], b[1]),
+        select(mask, a[2], b[2]), select(mask, a[3], b[3]),
     )
 
 
@@ -123,12 +112,12 @@ def _remember(group, i, row, p, touch, normal, one, two, now):
     """Write a contact of mass i with polygon p where they `touch`, with its old impulses."""
     contacts, (nx, ny) = group.contacts, normal
     age = now - load(contacts, row, STAMP)
-    known = (load(contacts, row, POLYGON) == like(nx, p)) & (age <= _PERSISTENCE)
+    known = (load(contacts, row, POLYGON) == p) & (age <= _PERSISTENCE)
     old = _impulses(contacts, row, POINTS[0], known), _impulses(contacts, row, POINTS[1], known)
     _put(contacts, row, WARM, touch, select(known & (age == 1.0), 1.0, 0.0))
-    _put(contacts, row, POLYGON, touch, like(nx, p))
-    _put(contacts, row, STAMP, touch, like(nx, now))
-    _put(contacts, row, RANK, touch, like(nx, group.polygons[p, 7]))
+    _put(contacts, row, POLYGON, touch, p)
+    _put(contacts, row, STAMP, touch, now)
+    _put(contacts, row, RANK, touch, group.polygons[p, 7])
     _put(contacts, row, NX, touch, nx)
     _put(contacts, row, NY, touch, ny)
     velocity = get_velocity(group.masses, i)
@@ -162,7 +151,7 @@ def _prepare(group, row, point, touch, normal, found, old, velocity):
     jn = select(old[0][0] == key, old[0][1], 0.0)
     jt = select(old[0][0] == key, old[0][2], 0.0)
     jn, jt = select(old[1][0] == key, old[1][1], jn), select(old[1][0] == key, old[1][2], jt)
-    overlap = min(depth + SLOP, like(depth, 0.0))
+    overlap = min(depth + SLOP, 0.0)
     group.deep[0] = group.deep[0] or any_lane(touch & (overlap < 0.0))
     _put(contacts, row, point + ARM_N, touch, arm_n)
     _put(contacts, row, point + ARM_T, touch, arm_t)
@@ -172,7 +161,7 @@ def _prepare(group, row, point, touch, normal, found, old, velocity):
     _put(contacts, row, point + BOUNCE, touch, v_n * group.restitution)
     _put(contacts, row, point + IMPULSE_N, touch, select(exists, jn, 0.0))
     _put(contacts, row, point + IMPULSE_T, touch, select(exists, jt, 0.0))
-    _put(contacts, row, point + IMPULSE_BIAS, touch, like(depth, 0.0))
+    _put(contacts, row, point + IMPULSE_BIAS, touch, 0.0)
     _put(contacts, row, point + KEY, touch, select(exists, key, -1.0))
 
 
@@ -202,7 +191,7 @@ def _due(contacts, row, turn, value):
     """Return `value` in the lanes whose turn it is, else 0."""
     if turn < 0:
         return value
-    return select(load(contacts, row, TURN) == like(value, turn), value, 0.0)
+    return select(load(contacts, row, TURN) == turn, value, 0.0)
 
 
 @compiled_part
@@ -266,8 +255,7 @@ def mend_overlaps(group):
         row, turn = group.schedule[k, 0], group.schedule[k, 1]
         i = row // group.slots
         nx, ny = load(contacts, row, NX), load(contacts, row, NY)
-        bx, by = load(group.masses, i, BIAS_X), load(group.masses, i, BIAS_Y)
-        bias_spin = load(group.masses, i, BIAS_SPIN)
+        bx, by, bias_spin = get_velocity(group.masses, i, BIAS_X)
         for point in POINTS:
             arm_n = load(contacts, row, point + ARM_N)
             mass_n = _due(contacts, row, turn, load(contacts, row, point + MASS_N))
@@ -277,6 +265,4 @@ def mend_overlaps(group):
             store(contacts, row, point + IMPULSE_BIAS, new)
             j = new - old
             bx, by, bias_spin = bx + nx * j, by + ny * j, bias_spin + arm_n * j
-        store(group.masses, i, BIAS_X, bx)
-        store(group.masses, i, BIAS_Y, by)
-        store(group.masses, i, BIAS_SPIN, bias_spin)
+        set_velocity(group.masses, i, (bx, by, bias_spin), BIAS_X)

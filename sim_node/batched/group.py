@@ -22,9 +22,6 @@ from sim_node.stamps import CONTROL_RATE
 JOINT_ERROR = float(np.float32(1.0) - np.float32(0.1)) ** 60
 """Share of an overlap or a joint's gap that Munk2D leaves after a second."""
 
-SLOP = float(np.float32(0.1))
-"""Depth [m] of an overlap that Munk2D leaves alone."""
-
 BOX_GROWTH = float(np.float32(0.1))
 """By how much of its size Munk2D widens a box of the broad phase on either side; and by how many
 seconds of motion."""
@@ -32,15 +29,10 @@ seconds of motion."""
 N_SPRINGS, N_LIMITS = 18, 4
 """Springs and contraction limits of a voxel."""
 
-ENDS = (
-    *((0, 1),) * 4, *((1, 2),) * 4, *((2, 3),) * 4, *((3, 0),) * 4, (0, 2), (1, 3),
-    (0, 1), (1, 2), (2, 3), (3, 0),
-)
-"""The voxel's masses that its springs, then its limits join: what `springs` and `joints` expect."""
-
 # Fields of the arrays of lanes.
 X, Y, ANGLE, VX, VY, SPIN, BIAS_X, BIAS_Y, BIAS_SPIN, COS, SIN = range(11)
 POLYGON, STAMP, RANK, TURN, WARM, NX, NY = range(7)
+N_CONTACT_FIELDS = 7 + 2 * 10  # these, and those of two points: see `contacts`
 
 
 class Group(NamedTuple):
@@ -58,11 +50,13 @@ class Group(NamedTuple):
     restitution: float
     rest_area: float  # of a voxel [m^2]
 
-    spring_table: np.ndarray  # (n_springs, 9) see `spring_rows`
+    spring_ends: np.ndarray  # (n_springs, 2) masses
+    spring_table: np.ndarray  # (n_springs, 9) see `_spring_rows`
+    limit_ends: np.ndarray  # (n_limits, 2) masses
     limits_table: np.ndarray  # (n_limits,) least distance [m]
     weld_ends: np.ndarray  # (n_welds, 2) masses, the same for 2 k and 2 k + 1
     weld_anchors: np.ndarray  # (n_welds, 4) [m]
-    polygons: np.ndarray  # (n_polygons, 8) see `polygon_rows`
+    polygons: np.ndarray  # (n_polygons, 8) see `_polygon_rows`
     left_sides: np.ndarray  # (n_polygons,) x [m], increasing
     slots: int  # contacts of a mass: with polygon p in slot p % slots
 
@@ -94,13 +88,10 @@ class Group(NamedTuple):
     sane_lanes: np.ndarray  # (1, 1, W) the floats of `sane`
 
 
-N_CONTACT_FIELDS = 7 + 2 * 10
-
-
 def make_group(
     body: Body, ground: np.ndarray, material: Material, solver: Solver, width: int
 ) -> Group:
-    """Return `width` robots put down at rest.
+    """Return `width` robots, which are still to be `put_down`.
 
     Args:
         body: the robot's tables.
@@ -113,7 +104,6 @@ def make_group(
         InvalidInput: the solver asks for self-collision.
     """
     check_engine('batched', solver)
-    _check_order(body)
     table = body.constraints
     dt = 1.0 / CONTROL_RATE / solver.substeps
     springs, limits, welds = (np.flatnonzero(table.kinds == k) for k in (SPRING, LIMIT, WELD))
@@ -122,7 +112,7 @@ def make_group(
     slots = min(most_at_once(ground, diagonal) + 1, len(ground))
     actuation, masses = zeros((n_voxels, 1), width), zeros((n_masses, 11), width)
     readings, sane = zeros((n_voxels, N_SENSORS), width), zeros((1, 1), width)
-    group = Group(
+    return Group(
         substeps=solver.substeps,
         iterations=solver.iterations,
         dt=dt,
@@ -134,12 +124,9 @@ def make_group(
         friction=material.friction,
         restitution=material.restitution,
         rest_area=material.side**2,
-        spring_table=np.column_stack([
-            table.anchors[springs],
-            body.rest_lengths.T,
-            table.stiffness[springs] * dt / material.mass,
-            table.damping[springs] * dt / material.mass,
-        ]),
+        spring_ends=table.ends[springs].astype(np.int64),
+        spring_table=_spring_rows(body, springs, dt, material.mass),
+        limit_ends=table.ends[limits].astype(np.int64),
         limits_table=table.rest[limits],
         weld_ends=table.ends[welds].astype(np.int64),
         weld_anchors=table.anchors[welds],
@@ -171,8 +158,6 @@ def make_group(
         actuation_lanes=actuation['lane'],
         sane_lanes=sane['lane'],
     )
-    put_down(group, body)
-    return group
 
 
 def put_down(group: Group, body: Body) -> None:
@@ -193,26 +178,18 @@ def put_down(group: Group, body: Body) -> None:
     group.boxes['lane'][:] = np.stack(sides, axis=1)
 
 
-def _check_order(body: Body) -> None:
-    """Make sure that `springs` and `joints` may rely on the order of the constraints."""
+def _spring_rows(body: Body, springs: np.ndarray, dt: float, mass: float) -> np.ndarray:
+    """Return (n, 9): anchors [m], lengths at rest [m], stiffness and damping times dt over mass.
+
+    The three lengths are those at full contraction, at rest and at full expansion.
+    """
     table = body.constraints
-    own = table.kinds != WELD
-    ends = table.ends[own].reshape(-1, N_SPRINGS + N_LIMITS, 2)
-    voxels = np.arange(len(ends))
-    first = np.flatnonzero(own).reshape(len(ends), -1)
-    consecutive = (np.diff(first, axis=1) == 1).all()
-    kinds = table.kinds[own].reshape(len(ends), -1) == ([SPRING] * N_SPRINGS + [LIMIT] * N_LIMITS)
-    as_expected = (ends == 4 * voxels[:, None, None] + np.array(ENDS)).all()
-    at_centres = not table.anchors[table.kinds == LIMIT].any()
-    welds = np.flatnonzero(~own)
-    owners = np.searchsorted(first[:, 0], welds) - 1
-    in_turn = (table.ends[welds, 0] // 4 == owners).all()
-    ends = table.ends[welds]
-    backwards = (ends[:, 1] // 4 < owners).all()
-    in_pairs = (ends[0::2] == ends[1::2]).all()
-    known = consecutive and kinds.all() and as_expected and at_centres
-    if not (known and in_turn and backwards and in_pairs):
-        raise AssertionError('the batched engine does not know this order of constraints')
+    return np.column_stack([
+        table.anchors[springs],
+        body.rest_lengths.T,
+        table.stiffness[springs] * dt / mass,
+        table.damping[springs] * dt / mass,
+    ])
 
 
 def _polygon_rows(ground: np.ndarray) -> np.ndarray:

@@ -20,18 +20,13 @@ impulse to a change of relative velocity, velocity that mends the gap, impulse."
 
 
 @compiled_part
-def prepare_joints(group, ends):
-    """Prepare limits and welds at the present poses.
-
-    Args:
-        group: the robots.
-        ends: (4, 2) which of a voxel's masses its limits join.
-    """
+def prepare_joints(group):
+    """Prepare limits and welds at the present poses."""
     masses, limits, welds = group.masses, group.limits, group.welds
     n_limits = limits.shape[0]
     for k in range(n_limits):
         voxel = k // N_LIMITS
-        a, b = 4 * voxel + ends[k % N_LIMITS, 0], 4 * voxel + ends[k % N_LIMITS, 1]
+        a, b = group.limit_ends[k, 0], group.limit_ends[k, 1]
         if k % N_LIMITS == 0:
             group.active[n_limits + voxel] = False
         dx = load(masses, b, X) - load(masses, a, X)
@@ -113,13 +108,12 @@ def weld(welds, k, a, b):
 
 
 @compiled_part
-def apply_joints_of_last_step(group, ends):
-    """Start from the impulses of the last step; `ends` as of `prepare_joints`."""
+def apply_joints_of_last_step(group):
+    """Start from the impulses of the last step."""
     masses, limits, welds = group.masses, group.limits, group.welds
     for k in range(limits.shape[0]):
         if group.active[k]:
-            voxel = k // N_LIMITS
-            i, j = 4 * voxel + ends[k % N_LIMITS, 0], 4 * voxel + ends[k % N_LIMITS, 1]
+            i, j = group.limit_ends[k, 0], group.limit_ends[k, 1]
             impulse = load(limits, k, _IMPULSE)
             a, b = get_velocity(masses, i), get_velocity(masses, j)
             a, b = _push_apart(limits, k, a, b, impulse)

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_node.batched.group import Group, make_group, put_down
-from sim_node.batched.sensing import sense, write_centers
+from sim_node.batched.sensing import sense
 from sim_node.batched.step import physics_step
-from sim_node.body import build_body
+from sim_node.body import build_body, pushed
 from sim_node.compiled import compiled
 from sim_node.material import Material
 from sim_node.morphology import Morphology
@@ -36,8 +36,6 @@ def advance_group(group, step):
 class OneRobot(NamedTuple):
     """A group of one lane, as arrays without lanes; they share the group's memory."""
 
-    group: Group
-    dt: float  # physics step [s]
     masses: np.ndarray  # (n_masses, 5) x, y, angle, v_x, v_y
     corners: np.ndarray  # (n_voxels, 4, 2) outer corners [m]
     area_ratios: np.ndarray  # (n_voxels,)
@@ -49,8 +47,6 @@ class OneRobot(NamedTuple):
 def one_robot(group: Group) -> OneRobot:
     """Return what the first lane of a group holds."""
     return OneRobot(
-        group=group,
-        dt=group.dt,
         masses=group.mass_lanes[:, :5, 0],
         corners=group.corners['lane'][:, :, 0].reshape(-1, 4, 2),
         area_ratios=group.area_ratios['lane'][:, 0, 0],
@@ -72,6 +68,7 @@ class Robots:
         material: physical constants.
         solver: sub-steps and iterations.
         width: number of robots W.
+        push: as of `sim_node.body.pushed`, the same for all; 0 is none.
 
     Attributes:
         group: their state, which compiled code steps.
@@ -88,18 +85,17 @@ class Robots:
         material: Material,
         solver: Solver,
         width: int = WIDTH,
+        push: int = 0,
     ) -> None:
-        self._body = build_body(morphology, terrain, material)
+        self._body = pushed(build_body(morphology, terrain, material), push)
         self.group: Group = make_group(self._body, terrain.polygons, material, solver, width)
-        self.step_count = 0
         self.reset()
 
-    def reset(self) -> np.ndarray:
-        """Put all robots down at rest and return their first readings, (n_voxels, 4, W)."""
+    def reset(self) -> None:
+        """Put all robots down at rest."""
         put_down(self.group, self._body)
         self.step_count = 0
         advance_group(self.group, 0)
-        return self.readings
 
     def step(self, actuation: np.ndarray) -> np.ndarray:
         """Apply `actuation`, (n_voxels, W) in [-1, 1], for 1/60 s; return the new readings.
@@ -117,18 +113,6 @@ class Robots:
         return self.group.reading_lanes.copy()
 
     @property
-    def masses(self) -> np.ndarray:
-        """Return x [m], y [m], angle [rad], v_x, v_y [m/s] of each mass, (n_masses, 5, W)."""
-        return self.group.mass_lanes[:, :5].copy()
-
-    @property
     def sane(self) -> np.ndarray:
         """Tell which robots' physics has not diverged, (W,)."""
         return self.group.sane['lane'][0, 0] > 0.0
-
-    @property
-    def centers(self) -> np.ndarray:
-        """Return the robots' centres of mass (x, y) [m], (2, W)."""
-        centers = np.empty((2, self.group.mass_lanes.shape[2]))
-        write_centers(self.group.mass_lanes, centers)
-        return centers

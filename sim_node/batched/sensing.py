@@ -1,7 +1,7 @@
 """The voxels' sensors in lanes, by the arithmetic of `sim_node.sensors`."""
 
 from sim_node.batched.group import COS, SIN, STAMP, VX, VY, X, Y
-from sim_node.compiled import compiled, compiled_part, inlined_part
+from sim_node.compiled import compiled_part, inlined_part
 from sim_node.lanes import like, load, select, store
 from sim_node.sensors import (
     AREA_HIGH,
@@ -79,7 +79,7 @@ def _touching(contacts, in_use, slots, now, i):
     touching = like(load(contacts, 0, STAMP), 0.0)
     for row in range(4 * i * slots, 4 * (i + 1) * slots):
         if in_use[row]:
-            touches = load(contacts, row, STAMP) == like(touching, now)
+            touches = load(contacts, row, STAMP) == now
             touching = select(touches, 1.0, touching)
     return touching
 
@@ -90,15 +90,3 @@ def _sum(windows, first, n, field):
     for i in range(first, first + n):
         total += load(windows, i, field)
     return total
-
-
-@compiled
-def write_centers(mass_lanes, centers):
-    """Write the robots' centres of mass, (2, W) [m], from `Group.mass_lanes`."""
-    n = mass_lanes.shape[0]
-    for axis in range(2):
-        for lane in range(centers.shape[1]):
-            total = 0.0
-            for i in range(n):
-                total += mass_lanes[i, axis, lane]
-            centers[axis, lane] = total / n

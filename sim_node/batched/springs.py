@@ -2,7 +2,7 @@
 
 import math
 
-from sim_node.batched.group import COS, N_SPRINGS, SIN, SPIN, VX, VY, X, Y
+from sim_node.batched.group import COS, N_SPRINGS, SIN, VX, X, Y
 from sim_node.compiled import compiled_part, inlined_part
 from sim_node.elementary import expm1
 from sim_node.lanes import load, select, store
@@ -20,31 +20,28 @@ def anchor(masses, i, ax, ay):
 
 
 @inlined_part
-def get_velocity(masses, i):
-    """Return (v_x, v_y, rho times the angular velocity) of mass i."""
-    return load(masses, i, VX), load(masses, i, VY), load(masses, i, SPIN)
+def get_velocity(masses, i, first=VX):
+    """Return (v_x, v_y, rho times the angular velocity) of mass i.
+
+    From BIAS_X on that is the velocity which mends overlaps.
+    """
+    return load(masses, i, first), load(masses, i, first + 1), load(masses, i, first + 2)
 
 
 @inlined_part
-def set_velocity(masses, i, velocity):
+def set_velocity(masses, i, velocity, first=VX):
     """Write what `get_velocity` returns."""
-    store(masses, i, VX, velocity[0])
-    store(masses, i, VY, velocity[1])
-    store(masses, i, SPIN, velocity[2])
+    store(masses, i, first, velocity[0])
+    store(masses, i, first + 1, velocity[1])
+    store(masses, i, first + 2, velocity[2])
 
 
 @compiled_part
-def stretch_springs(group, ends):
-    """Prepare every spring at the present poses and apply its force for the step.
-
-    Args:
-        group: the robots.
-        ends: (18, 2) which of a voxel's masses its springs join.
-    """
+def stretch_springs(group):
+    """Prepare every spring at the present poses and apply its force for the step."""
     masses, springs, table = group.masses, group.springs, group.spring_table
     for k in range(springs.shape[0]):
-        voxel = k // N_SPRINGS
-        a, b = 4 * voxel + ends[k % N_SPRINGS, 0], 4 * voxel + ends[k % N_SPRINGS, 1]
+        a, b = group.spring_ends[k, 0], group.spring_ends[k, 1]
         ax, ay = anchor(masses, a, table[k, 0], table[k, 1])
         bx, by = anchor(masses, b, table[k, 2], table[k, 3])
         dx = (load(masses, b, X) + bx) - (load(masses, a, X) + ax)
@@ -63,7 +60,7 @@ def stretch_springs(group, ends):
         store(springs, k, _PULL, drag / stiff)
         store(springs, k, _TARGET, 0.0)
 
-        change = load(group.actuation, voxel, 0)
+        change = load(group.actuation, k // N_SPRINGS, 0)
         short, rest, long = table[k, 4], table[k, 5], table[k, 6]
         rest = rest + select(change > 0.0, short - rest, long - rest) * abs(change)
         j = (rest - length) * table[k, 7]

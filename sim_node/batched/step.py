@@ -5,38 +5,18 @@ pymunk's fork Munk2D (Victor Blomqvist): semi-implicit Euler, and sequential imp
 starting after Catto, "Iterative dynamics with temporal coherence" (2005).
 """
 
-import numpy as np
-
 from sim_node.batched.contacts import (
     apply_contacts_of_last_step,
     find_contacts,
     mend_overlaps,
     push_contacts,
 )
-from sim_node.batched.group import (
-    ANGLE,
-    BIAS_SPIN,
-    BIAS_X,
-    BIAS_Y,
-    COS,
-    ENDS,
-    N_LIMITS,
-    N_SPRINGS,
-    SIN,
-    SPIN,
-    VX,
-    VY,
-    X,
-    Y,
-)
+from sim_node.batched.group import ANGLE, BIAS_X, COS, N_LIMITS, N_SPRINGS, SIN, X, Y
 from sim_node.batched.joints import apply_joints_of_last_step, limit, prepare_joints, weld
 from sim_node.batched.springs import damp, get_velocity, set_velocity, stretch_springs
 from sim_node.compiled import compiled_part
 from sim_node.elementary import sine_cosine
 from sim_node.lanes import load, store
-
-_SPRING_ENDS = np.array(ENDS[:N_SPRINGS])
-_LIMIT_ENDS = np.array(ENDS[N_SPRINGS:])
 
 
 @compiled_part
@@ -45,11 +25,11 @@ def physics_step(group):
     group.step_count[0] += 1.0
     move(group.masses, group.dt, group.per_rho)
     find_contacts(group)
-    stretch_springs(group, _SPRING_ENDS)
-    prepare_joints(group, _LIMIT_ENDS)
+    stretch_springs(group)
+    prepare_joints(group)
     fall(group.masses, group.damping, group.fall)
     apply_contacts_of_last_step(group)
-    apply_joints_of_last_step(group, _LIMIT_ENDS)
+    apply_joints_of_last_step(group)
     mend_overlaps(group)
     for _ in range(group.iterations):
         push_contacts(group)
@@ -60,22 +40,16 @@ def physics_step(group):
 def move(masses, dt, per_rho):
     """Move all masses by their velocities and by those that mend overlaps, which end here."""
     for i in range(masses.shape[0]):
-        x = load(masses, i, X)
-        y = load(masses, i, Y)
-        angle = load(masses, i, ANGLE)
-        x += (load(masses, i, VX) + load(masses, i, BIAS_X)) * dt
-        y += (load(masses, i, VY) + load(masses, i, BIAS_Y)) * dt
-        spin = load(masses, i, SPIN) + load(masses, i, BIAS_SPIN)
-        angle += spin * (dt * per_rho)
+        vx, vy, spin = get_velocity(masses, i)
+        bias_x, bias_y, bias_spin = get_velocity(masses, i, BIAS_X)
+        angle = load(masses, i, ANGLE) + (spin + bias_spin) * (dt * per_rho)
         s, c = sine_cosine(angle)
-        store(masses, i, X, x)
-        store(masses, i, Y, y)
+        store(masses, i, X, load(masses, i, X) + (vx + bias_x) * dt)
+        store(masses, i, Y, load(masses, i, Y) + (vy + bias_y) * dt)
         store(masses, i, ANGLE, angle)
         store(masses, i, COS, c)
         store(masses, i, SIN, s)
-        store(masses, i, BIAS_X, 0.0)
-        store(masses, i, BIAS_Y, 0.0)
-        store(masses, i, BIAS_SPIN, 0.0)
+        set_velocity(masses, i, (0.0, 0.0, 0.0), BIAS_X)
 
 
 @compiled_part

@@ -29,8 +29,6 @@ from snca_ros.cell.nca import Architecture
 MAX_WIDTH = 64
 """Robots at most: their spikes are the bits of an integer."""
 
-_OPPOSITE = np.array(OPPOSITE)
-
 
 class GroupState(NamedTuple):
     """Everything that a step of n cells of W robots reads and writes.
@@ -40,26 +38,27 @@ class GroupState(NamedTuple):
     """
 
     spiking: bool
-    directional: bool
     n_c: int  # channels per direction
     output: int  # first neuron of the output layer
     sizes: np.ndarray  # (n_layers,) neurons per layer
     rows: np.ndarray  # (n,) which row of weights and ceilings each cell runs
     neighbors: np.ndarray  # (n, 4) who is above, left, below, right; -1 for nobody
+    channels: np.ndarray  # (4,) the first of the n_c channels that each of them sends here
     weights: np.ndarray  # lanes (n_rows, n_synapses), biases included
     ceilings: np.ndarray  # lanes (n_rows, n_neurons) of the thresholds at rest [mV]
     lif: snn.Lif
     v: np.ndarray  # lanes (n, n_neurons) potential [mV], which has leaked for the next step
     psi: np.ndarray  # lanes (n, n_neurons) homeostatic offset [mV]
-    theta: np.ndarray  # lanes (n, n_neurons) threshold [mV], where it compounds
+    theta: np.ndarray | None  # lanes (n, n_neurons) threshold [mV]; None if it does not compound
     last_spike: np.ndarray  # lanes (n, 4) SNN step of the newest spike that encodes each reading
     counts: np.ndarray  # lanes (n, ACTUATION_WINDOW) actuation spikes per control step
-    age: np.ndarray  # (1,) control steps made
     sent_trains: np.ndarray  # (n, n_destinations * n_c, SNN_STEPS) spikes sent
     heard_trains: np.ndarray  # the same as it was a control step ago
     sent_values: np.ndarray  # lanes (n, n_destinations * n_c) values sent
     heard_values: np.ndarray  # the same as it was a control step ago
-    spikes: snn_lanes.Spikes  # scratch: of one cell's spiking network
+    trains: np.ndarray  # (n_neurons, SNN_STEPS) scratch: spikes of one cell's network, as masks
+    heard: np.ndarray  # (n_words, SNN_STEPS) scratch: neurons of the layer before that fire
+    fired: np.ndarray  # (n_words, SNN_STEPS) scratch: neurons of the layer that runs that fire
     values: np.ndarray  # lanes (1, n_neurons) scratch: activations of one cell's perceptron
 
 
@@ -72,16 +71,15 @@ def step_group(cells, readings, step, actuation):
         step: control step k, the same for all cells.
         actuation: lanes (n, 1) in [-1, 1], written.
     """
-    cells.age[0] += 1
     if cells.spiking:
         cells.heard_trains[:] = cells.sent_trains
         for i in range(cells.rows.shape[0]):
             _read_trains(cells, i, readings, step)
             snn_lanes.run_network(
                 cells.lif, i, cells.rows[i], cells.sizes, cells.weights, cells.ceilings,
-                cells.v, cells.psi, cells.theta, cells.spikes,
+                cells.v, cells.psi, cells.theta, cells.trains, cells.heard, cells.fired,
             )
-            _write_trains(cells, i, actuation)
+            _write_trains(cells, i, step, actuation)
     else:
         for i in range(cells.rows.shape[0]):
             for c in range(cells.sent_values.shape[1]):
@@ -94,7 +92,7 @@ def step_group(cells, readings, step, actuation):
 
 @inlined_part
 def _read_trains(cells, i, readings, step):
-    trains, first_step = cells.spikes.trains, float(step * SNN_STEPS)
+    trains, first_step = cells.trains, float(step * SNN_STEPS)
     for sensor in range(N_SENSORS):
         last_spike = load(cells.last_spike, i, sensor)
         period = spike_period(load(readings, i, sensor))
@@ -106,7 +104,7 @@ def _read_trains(cells, i, readings, step):
             due = select(spikes, due + period, due)
         store(cells.last_spike, i, sensor, last_spike)
     for d in range(len(OPPOSITE)):
-        sender, channel = _source(cells, i, d)
+        sender, channel = cells.neighbors[i, d], cells.channels[d]
         for c in range(cells.n_c):
             for h in range(SNN_STEPS):
                 heard = cells.heard_trains[sender, channel + c, h] if sender >= 0 else 0
@@ -114,15 +112,8 @@ def _read_trains(cells, i, readings, step):
 
 
 @inlined_part
-def _source(cells, i, d):
-    """Return whom cell i hears from direction d, -1 for nobody, and the first of the channels."""
-    return cells.neighbors[i, d], _OPPOSITE[d] * cells.n_c if cells.directional else 0
-
-
-@inlined_part
-def _write_trains(cells, i, actuation):
-    trains = cells.spikes.trains
-    output = cells.output
+def _write_trains(cells, i, step, actuation):
+    trains, output, age = cells.trains, cells.output, step + 1
     for c in range(cells.sent_trains.shape[1]):
         for h in range(SNN_STEPS):
             cells.sent_trains[i, c, h] = trains[output + 1 + c, h]
@@ -130,8 +121,7 @@ def _write_trains(cells, i, actuation):
     for h in range(SNN_STEPS):
         spikes = mask_like(n_spikes, trains[output, h])
         n_spikes += select(spikes, 1.0, 0.0)
-    age = cells.age[0]
-    store(cells.counts, i, (age - 1) % ACTUATION_WINDOW, n_spikes)
+    store(cells.counts, i, step % ACTUATION_WINDOW, n_spikes)
     n_spikes = like(n_spikes, 0.0)
     for k in range(min(age, ACTUATION_WINDOW)):
         n_spikes += load(cells.counts, i, k)
@@ -144,7 +134,7 @@ def _read_values(cells, i, readings):
     for sensor in range(N_SENSORS):
         store(values, 0, sensor, load(readings, i, sensor))
     for d in range(len(OPPOSITE)):
-        sender, channel = _source(cells, i, d)
+        sender, channel = cells.neighbors[i, d], cells.channels[d]
         for c in range(cells.n_c):
             neuron = N_SENSORS + d * cells.n_c + c
             if sender < 0:
@@ -161,8 +151,10 @@ def _write_values(cells, i, actuation):
     store(actuation, i, 0, load(cells.values, 0, output))
 
 
-class CellGroup:
-    """All cells of W robots of one shape and one architecture, each robot with its own weights.
+def make_cells(
+    architecture: Architecture, morphology: Morphology, thetas: np.ndarray, width: int
+) -> GroupState:
+    """Return all cells of W robots of one shape, each robot with its own weights, before step 0.
 
     What a robot's cells do depends on its own weights and readings alone, to the bit: neither on
     W, nor on its lane, nor on its companions.
@@ -173,68 +165,55 @@ class CellGroup:
         thetas: (m, n_parameters) the robots' weights, m <= W; the weights of other lanes are 0.
         width: number of lanes W.
 
-    Attributes:
-        state: what `step_group` steps.
-
     Raises:
         InvalidInput: `thetas` has another shape or is not finite, or W is not in 1 ... MAX_WIDTH.
     """
-
-    def __init__(
-        self, architecture: Architecture, morphology: Morphology, thetas: np.ndarray, width: int
-    ) -> None:
-        thetas = np.asarray(thetas, dtype=np.float64)
-        n, n_parameters = morphology.n_voxels, architecture.n_parameters(morphology.n_voxels)
-        if not 1 <= width <= MAX_WIDTH:
-            raise InvalidInput('width', width, f'from 1 to {MAX_WIDTH}')
-        fits = thetas.ndim == 2 and len(thetas) <= width and thetas.shape[1] == n_parameters
-        if not fits or not np.isfinite(thetas).all():
-            shown = f'shape {thetas.shape}, finite: {bool(np.isfinite(thetas).all())}'
-            expected = f'finite numbers of shape (m, {n_parameters}), m up to {width}'
-            raise InvalidInput('thetas', shown, expected)
-        sizes, spiking = architecture.layer_sizes, architecture.spiking
-        multiple = snn_lanes.PAIR if spiking else 1
-        n_rows = 1 if architecture.uniform else n
-        robots = np.zeros((width, n_rows, architecture.weights_per_cell))
-        robots[: len(thetas)] = thetas.reshape(len(thetas), n_rows, -1)
-        neurons = [padded(size, multiple) for size in sizes]
-        layout = n, sum(neurons)
-        n_sent = architecture.n_destinations * architecture.n_c
-        self.state = GroupState(
-            spiking=spiking,
-            directional=architecture.directional,
-            n_c=architecture.n_c,
-            sizes=np.array(sizes, dtype=np.int64),
-            output=sum(neurons[:-1]),
-            rows=np.zeros(n, np.int64) if architecture.uniform else np.arange(n),
-            neighbors=morphology.neighbors,
-            weights=_in_lanes(robots, lambda w: pad_synapses(sizes, w, not spiking, multiple)),
-            ceilings=_in_lanes(robots, lambda w: _ceilings(sizes, w, architecture.homeostasis)),
-            lif=snn.lif_constants(architecture.homeostasis, architecture.as_printed),
-            v=zeros(layout, width),
-            psi=zeros(layout, width),
-            theta=zeros(layout, width),
-            last_spike=zeros((n, N_SENSORS), width),
-            counts=zeros((n, ACTUATION_WINDOW), width),
-            age=np.zeros(1, dtype=np.int64),
-            sent_trains=np.zeros((n, n_sent, SNN_STEPS), dtype=np.int64),
-            heard_trains=np.zeros((n, n_sent, SNN_STEPS), dtype=np.int64),
-            sent_values=zeros((n, n_sent), width),
-            heard_values=zeros((n, n_sent), width),
-            spikes=snn_lanes.make_spikes(sizes),
-            values=zeros((1, sum(neurons)), width),
-        )
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget everything but the weights."""
-        s = self.state
-        for array in (s.v, s.psi, s.counts, s.sent_values):
-            array['lane'] = 0.0
-        s.age.fill(0)
-        s.sent_trains.fill(0)
-        s.theta['lane'] = snn.THETA_0
-        s.last_spike['lane'] = NEVER
+    thetas = np.asarray(thetas, dtype=np.float64)
+    n, n_parameters = morphology.n_voxels, architecture.n_parameters(morphology.n_voxels)
+    if not 1 <= width <= MAX_WIDTH:
+        raise InvalidInput('width', width, f'from 1 to {MAX_WIDTH}')
+    fits = thetas.ndim == 2 and len(thetas) <= width and thetas.shape[1] == n_parameters
+    if not fits or not np.isfinite(thetas).all():
+        shown = f'shape {thetas.shape}, finite: {bool(np.isfinite(thetas).all())}'
+        expected = f'finite numbers of shape (m, {n_parameters}), m up to {width}'
+        raise InvalidInput('thetas', shown, expected)
+    sizes, spiking = architecture.layer_sizes, architecture.spiking
+    multiple = snn_lanes.PAIR if spiking else 1
+    n_rows = 1 if architecture.uniform else n
+    robots = np.zeros((width, n_rows, architecture.weights_per_cell))
+    robots[: len(thetas)] = thetas.reshape(len(thetas), n_rows, -1)
+    neurons = [padded(size, multiple) for size in sizes]
+    layout = n, sum(neurons)
+    n_sent = architecture.n_destinations * architecture.n_c
+    cells = GroupState(
+        spiking=spiking,
+        n_c=architecture.n_c,
+        sizes=np.array(sizes, dtype=np.int64),
+        output=sum(neurons[:-1]),
+        rows=np.zeros(n, np.int64) if architecture.uniform else np.arange(n),
+        neighbors=morphology.neighbors,
+        channels=np.array(OPPOSITE) * architecture.n_c * architecture.directional,
+        weights=_in_lanes(robots, lambda w: pad_synapses(sizes, w, not spiking, multiple)),
+        ceilings=_in_lanes(robots, lambda w: _ceilings(sizes, w, architecture.homeostasis)),
+        lif=snn.lif_constants(architecture.homeostasis, architecture.as_printed),
+        v=zeros(layout, width),
+        psi=zeros(layout, width),
+        theta=zeros(layout, width) if architecture.as_printed else None,
+        last_spike=zeros((n, N_SENSORS), width),
+        counts=zeros((n, ACTUATION_WINDOW), width),
+        sent_trains=np.zeros((n, n_sent, SNN_STEPS), dtype=np.int64),
+        heard_trains=np.zeros((n, n_sent, SNN_STEPS), dtype=np.int64),
+        sent_values=zeros((n, n_sent), width),
+        heard_values=zeros((n, n_sent), width),
+        trains=np.zeros((sum(neurons), SNN_STEPS), dtype=np.int64),
+        heard=np.zeros((-(-max(sizes) // snn_lanes.WORD), SNN_STEPS), dtype=np.int64),
+        fired=np.zeros((-(-max(sizes) // snn_lanes.WORD), SNN_STEPS), dtype=np.int64),
+        values=zeros((1, sum(neurons)), width),
+    )
+    cells.last_spike['lane'] = NEVER
+    if cells.theta is not None:
+        cells.theta['lane'] = snn.THETA_0
+    return cells
 
 
 def _in_lanes(robots: np.ndarray, lay_out: Callable) -> np.ndarray:

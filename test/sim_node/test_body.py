@@ -171,6 +171,31 @@ def test_constraints_enter_voxel_by_voxel():
     assert kinds == voxel + voxel + ['PivotJoint'] * 4
 
 
+@pytest.mark.parametrize('shape', PLACED)
+def test_the_order_on_which_the_batched_engine_relies(shape):
+    kinds, ends, anchors, *_ = build_body(
+        parse_morphology(shape), parse_terrain('flat'), Material()
+    ).constraints
+    own = [
+        *((0, 1),) * 4, *((1, 2),) * 4, *((2, 3),) * 4, *((3, 0),) * 4, (0, 2), (1, 3),
+        (0, 1), (1, 2), (2, 3), (3, 0),
+    ]
+    voxel = -1
+    rows = iter(zip(kinds.tolist(), ends.tolist(), anchors.tolist(), strict=True))
+    for kind, (a, b), _ in rows:
+        if kind == WELD:  # of the voxel before: to an earlier one, and twice between two masses
+            assert a // 4 == voxel > b // 4
+            assert next(rows)[:2] == (WELD, [a, b])
+            continue
+        voxel += 1
+        of_voxel = [(kind, a, b), *((kind, a, b) for kind, (a, b), _ in itertools.islice(rows, 21))]
+        assert of_voxel == [
+            (SPRING if i < 18 else LIMIT, 4 * voxel + a, 4 * voxel + b)
+            for i, (a, b) in enumerate(own)
+        ]
+    assert not anchors[kinds == LIMIT].any()
+
+
 @pytest.mark.parametrize('shape', ['1', 'biped', 'comb', 't-5x3'])
 def test_the_space_holds_the_tables_exactly(shape):
     body = build(shape, 'hilly-1-10-0', damping_ratio=0.2)

@@ -21,9 +21,8 @@ def _run(robots: Robots, actuation: np.ndarray) -> list[bytes]:
     robots.reset()
     for values in actuation:
         readings = robots.step(values)
-        masses, centers = robots.masses, robots.centers
         for lane, own in enumerate(seen):
-            own += [readings[:, :, lane], masses[:, :, lane], centers[:, lane]]
+            own += [readings[:, :, lane], robots.group.mass_lanes[:, :, lane].copy()]
     return [b''.join(array.tobytes() for array in own) for own in seen]
 
 
@@ -62,7 +61,7 @@ def test_a_robot_that_diverges_harms_no_other():
         readings = robots.step(values)
         assert robots.sane[others].all()
         assert robots.sane[2] == (k < 30)
-        seen.append([readings, robots.masses, robots.centers])
+        seen.append([readings, robots.group.mass_lanes.copy()])
     for lane in np.flatnonzero(others):
         own = b''.join(array[..., lane].tobytes() for step in seen for array in step)
         assert own == calm[lane]
@@ -75,8 +74,7 @@ def test_one_lane_is_what_simulation_steps():
     for values in gaits:
         readings, own = robots.step(values), simulation.step(values[:, 9])
         np.testing.assert_array_equal(own, readings[:, :, 9])
-    np.testing.assert_array_equal(simulation.world.masses, robots.masses[:, :, 9])
-    np.testing.assert_array_equal(simulation.center, robots.centers[:, 9])
+    np.testing.assert_array_equal(simulation.world.masses, robots.group.mass_lanes[:, :5, 9])
 
 
 def test_what_simulation_shows_is_the_same_as_in_the_pymunk_engine():

@@ -6,7 +6,7 @@ import pytest
 from sim_node.errors import InvalidInput
 from sim_node.lanes import zeros
 from sim_node.morphology import parse_morphology
-from snca_ros.cell.group import MAX_WIDTH, CellGroup, step_group
+from snca_ros.cell.group import MAX_WIDTH, make_cells, step_group
 from snca_ros.cell.layers import padded
 from snca_ros.cell.nca import ARCHITECTURES, NEURON_MODELS, Architecture
 from snca_ros.cell.snn_lanes import PAIR
@@ -24,14 +24,14 @@ def draw_readings(rng, n_steps, width):
     return readings
 
 
-def run_group(group, readings):
-    """Return the (n_steps, n_voxels, W) actuations of a group on `readings`."""
+def run_group(cells, readings):
+    """Return the (n_steps, n_voxels, W) actuations of cells on `readings`."""
     width = readings.shape[3]
     sensed, actuation = zeros((N, 4), width), zeros((N, 1), width)
     actuations = np.empty((len(readings), N, width))
     for k, now in enumerate(readings):
         sensed['lane'][:] = now
-        step_group(group.state, sensed, k, actuation)
+        step_group(cells, sensed, k, actuation)
         actuations[k] = actuation['lane'][:, 0]
     return actuations
 
@@ -50,9 +50,8 @@ def check(architecture, width, n_steps=300, scale=1.0):
     rng = np.random.default_rng(0)
     thetas = rng.uniform(-scale, scale, (width, architecture.n_parameters(N)))
     readings = draw_readings(rng, n_steps, width)
-    group = CellGroup(architecture, SHAPE, thetas, width)
-    state = group.state
-    actuations = run_group(group, readings)
+    state = make_cells(architecture, SHAPE, thetas, width)
+    actuations = run_group(state, readings)
     spoken = 0
     for lane, theta in enumerate(thetas):
         controller = Controller(architecture, SHAPE, theta)
@@ -99,15 +98,15 @@ def test_lanes_do_not_matter(name, model):
     rng = np.random.default_rng(1)
     thetas = rng.uniform(-1.0, 1.0, (4, architecture.n_parameters(N)))
     readings = draw_readings(rng, 200, 4)
-    together = run_group(CellGroup(architecture, SHAPE, thetas, 4), readings)
+    together = run_group(make_cells(architecture, SHAPE, thetas, 4), readings)
     order = np.array([2, 0, 3, 1])
-    shuffled = run_group(CellGroup(architecture, SHAPE, thetas[order], 4), readings[..., order])
+    shuffled = run_group(make_cells(architecture, SHAPE, thetas[order], 4), readings[..., order])
     np.testing.assert_array_equal(shuffled, together[..., order])
-    few = run_group(CellGroup(architecture, SHAPE, thetas[:2], 16), np.tile(readings, 4))
+    few = run_group(make_cells(architecture, SHAPE, thetas[:2], 16), np.tile(readings, 4))
     np.testing.assert_array_equal(few[..., :2], together[..., :2])
     for lane in range(4):
         own = thetas[lane : lane + 1], readings[..., lane : lane + 1]
-        alone = run_group(CellGroup(architecture, SHAPE, own[0], 1), own[1])
+        alone = run_group(make_cells(architecture, SHAPE, own[0], 1), own[1])
         np.testing.assert_array_equal(alone[..., 0], together[..., lane])
 
 
@@ -116,22 +115,10 @@ def test_a_lost_robot_does_not_disturb_the_others():
     rng = np.random.default_rng(2)
     thetas = rng.uniform(-1.0, 1.0, (4, architecture.n_parameters(N)))
     readings = draw_readings(rng, 100, 4)
-    sound = run_group(CellGroup(architecture, SHAPE, thetas, 4), readings)
+    sound = run_group(make_cells(architecture, SHAPE, thetas, 4), readings)
     readings[50:, ..., 3] = np.nan
-    disturbed = run_group(CellGroup(architecture, SHAPE, thetas, 4), readings)
+    disturbed = run_group(make_cells(architecture, SHAPE, thetas, 4), readings)
     np.testing.assert_array_equal(disturbed[..., :3], sound[..., :3])
-
-
-@pytest.mark.parametrize('model', NEURON_MODELS)
-def test_reset_forgets_everything(model):
-    architecture = Architecture.named('U-nD', model)
-    rng = np.random.default_rng(3)
-    thetas = rng.uniform(-1.0, 1.0, (4, architecture.n_parameters(N)))
-    readings = draw_readings(rng, 50, 4)
-    group = CellGroup(architecture, SHAPE, thetas, 4)
-    first = run_group(group, readings)
-    group.reset()
-    np.testing.assert_array_equal(run_group(group, readings), first)
 
 
 @pytest.mark.parametrize(
@@ -140,6 +127,6 @@ def test_reset_forgets_everything(model):
 def test_refuses(shape, width):
     architecture = Architecture.named('U-nD', 'snn-h')
     with pytest.raises(InvalidInput):
-        CellGroup(architecture, SHAPE, np.zeros(shape), width)
+        make_cells(architecture, SHAPE, np.zeros(shape), width)
     with pytest.raises(InvalidInput, match='finite'):
-        CellGroup(architecture, SHAPE, np.full((1, 500), np.nan), 4)
+        make_cells(architecture, SHAPE, np.full((1, 500), np.nan), 4)
