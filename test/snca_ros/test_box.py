@@ -47,6 +47,9 @@ def test_table_of_the_box_is_that_of_the_campaign():
         assert name == f'{row["shape"]}-{row["architecture"]}-{row["neuron_model"]}'
         columns = 'v_x', 'v_x_starts_mean', 'v_x_starts_std'
         assert told == [f'{float(row[column]):.2f}' for column in columns]
+        case = 'shape', 'architecture', 'neuron_model', 'as_printed'
+        rivals = [other for other in runs.values() if all(other[c] == row[c] for c in case)]
+        assert row == max(rivals, key=lambda other: float(other['v_x_starts_mean']))
 
 
 @pytest.mark.parametrize('name', NAMES)
