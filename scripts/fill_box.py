@@ -13,7 +13,7 @@ from pathlib import Path
 
 from snca_ros.box import DEFAULT_CONTROLLER
 from snca_ros.files import write_text
-from snca_ros.study.cases import Run, read_cases
+from snca_ros.study.cases import Run, fastest, read_cases
 
 ROOT = Path(__file__).resolve().parents[1]
 BOX, RESULTS = ROOT / 'config' / 'controllers', ROOT / 'results' / 'paper'
@@ -25,9 +25,7 @@ def champions() -> dict[str, Run]:
     """Return the fastest run of each shape and type of controller, by its name in the box."""
     cases = read_cases([RESULTS], [ROOT / 'config' / 'experiments' / 'paper-main.yaml'])
     return {
-        f'{shape}-{controller.architecture}-{controller.neuron_model}': max(
-            runs, key=lambda run: run.value('v_x_starts_mean')
-        )
+        f'{shape}-{controller.architecture}-{controller.neuron_model}': fastest(runs)
         for shape, of_shape in cases.items() for controller, runs in of_shape.items()
     }
 

@@ -140,6 +140,11 @@ def _check_row(row: dict[str, str], table: str) -> None:
             raise InvalidInput(column, row[column], 'a speed, or -inf', table)
 
 
+def fastest(runs: Sequence[Run]) -> Run:
+    """Return the run whose best controller is the fastest in the mean over pushed starts."""
+    return max(runs, key=lambda run: run.value('v_x_starts_mean'))
+
+
 def column_of(runs: Sequence[Run], column: str) -> np.ndarray:
     """Return the numbers of runs in a column, (n_runs,)."""
     return np.array([run.value(column) for run in runs])

@@ -8,6 +8,7 @@ from snca_ros.study.cases import (
     Cases,
     Run,
     column_of,
+    fastest,
     told_evaluations,
     told_seeds,
 )
@@ -63,7 +64,7 @@ def champions_table(cases: Cases) -> Table:
     rows = []
     for of_shape in cases.values():
         for runs in of_shape.values():
-            best = max(runs, key=lambda run: run.value('v_x_starts_mean'))
+            best = fastest(runs)
             mean, std = (best.value(f'v_x_starts_{what}') for what in ('mean', 'std'))
             rows.append([
                 best.row['run'], *(f'{best.value(column):.2f}' for column in columns),
