@@ -7,7 +7,13 @@ from sim_node.errors import InvalidInput
 from snca_ros.files import write_text
 from snca_ros.study.cases import missing_runs, read_cases, warnings
 from snca_ros.study.contrasts import contrasts, contrasts_csv, shown_contrasts
-from snca_ros.study.tables import champions_table, contrasts_table, speeds_table, told_lines
+from snca_ros.study.tables import (
+    champions_table,
+    contrasts_table,
+    factors_table,
+    speeds_table,
+    told_lines,
+)
 
 EXAMPLES = """
   snca study results/example
@@ -37,9 +43,10 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     found = contrasts(cases)
     shown = shown_contrasts(found)
     warned, missing = warnings(cases), missing_runs(cases, args.campaign)
-    speeds, champions = speeds_table(cases), champions_table(cases)
+    tables = [table(cases) for table in (speeds_table, champions_table, factors_table)]
+    tables = [table for table in tables if table.rows]
     summary = [
-        *(table.markdown() for table in (speeds, champions, contrasts_table(shown))),
+        *(table.markdown() for table in (*tables, contrasts_table(shown))),
         *told_lines('Warnings', warned), *told_lines('Missing', missing),
     ]
     if args.text:
@@ -50,10 +57,9 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     from snca_ros.study.page import page
 
     figures = draw_all(cases, shown)
-    tables = [speeds, champions, contrasts_table(found)]
     files = {f'{kind}-{shape}.svg': svg for kind, shape, svg in figures}
     files['statistics.csv'] = contrasts_csv(found)
-    files['index.html'] = page(cases, missing, warned, tables, figures)
+    files['index.html'] = page(cases, missing, warned, [*tables, contrasts_table(found)], figures)
     output = args.output or args.results[0] / 'study'
     try:
         output.mkdir(parents=True, exist_ok=True)

@@ -1,6 +1,9 @@
 """What a study finds as tables of text, in Markdown."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
 
 from snca_ros.study.cases import (
     MEASURES,
@@ -72,6 +75,34 @@ def champions_table(cases: Cases) -> Table:
             ])
     header = ['run', *columns.values(), 'pushed starts: mean ± deviation', 'starts']
     return Table('v_x [m/s] of the fastest of each type over pushed starts', header, rows)
+
+
+def factors_table(cases: Cases) -> Table:
+    """Return in how many cases one architecture, or one neuron model, has the larger median.
+
+    A case is a shape and a value of the other factor, with which there are runs of both.
+    """
+    found: dict[tuple[str, str], list[list[bool]]] = {}
+    for of_shape in cases.values():
+        for first, second in combinations(of_shape, 2):
+            if second == replace(first, architecture=second.architecture):
+                names = first.architecture, second.architecture
+            elif second == replace(first, neuron_model=second.neuron_model):
+                names = first.neuron_model.upper(), second.neuron_model.upper()
+            else:
+                continue
+            larger = [_median(of_shape[first], m) > _median(of_shape[second], m) for m in MEASURES]
+            found.setdefault(names, []).append(larger)
+    rows = [
+        [*names, str(len(larger)), *map(str, np.sum(larger, axis=0))]
+        for names, larger in found.items()
+    ]
+    header = ['first', 'second', 'cases', *MEASURES.values()]
+    return Table('In how many cases the median v_x of the first is the larger', header, rows)
+
+
+def _median(runs: list[Run], column: str) -> float:
+    return float(quartiles(column_of(runs, column))[1])
 
 
 def contrasts_table(found: list[Contrast]) -> Table:

@@ -25,7 +25,7 @@ from snca_ros.study.comparison import median_curve
 from snca_ros.study.contrasts import COLUMNS, contrasts, shown_contrasts
 from snca_ros.study.results import read_curve
 from snca_ros.study.statistics import compare
-from snca_ros.study.tables import champions_table
+from snca_ros.study.tables import champions_table, factors_table
 
 SNCA = ControllerType('U-nD', 'snn-h')
 
@@ -288,7 +288,9 @@ def test_page_is_whole_and_self_contained(drawn):
     assert len(captions) == 15
     told = '4 seeds × 30,000 evaluations of U-nD SNN-H, U-D MLP, nU-D MLP'
     assert all(caption.endswith(told) for caption in captions)
-    assert [len(list(table.iter('tr'))) for table in tree.iter('table')] == [1 + 9, 1 + 9, 1 + 27]
+    assert [len(list(table.iter('tr'))) for table in tree.iter('table')] == [
+        1 + 9, 1 + 9, 1 + 1, 1 + 27,
+    ]
     assert '#1a1a1a' not in page
     assert 'Warnings' not in page
 
@@ -329,7 +331,7 @@ def test_text_is_the_summary_and_writes_nothing(tmp_path, capsys):
     assert '| biped | end of evolution | U-nD SNN-H | U-D MLP | 6.00, 2.00 | 0.100 | 0.300 |' in out
     assert sorted(results.rglob('*')) == before
     tables = [line for line in out.splitlines() if line.startswith('|')]
-    assert len(tables) == 2 + 3 + 2 + 3 + 2 + 9
+    assert len(tables) == 2 + 3 + 2 + 3 + 2 + 1 + 2 + 9
     fastest = '| biped-U-nD-snn-h-flat-batched-seed'
     assert sum(line.startswith(fastest) for line in tables) == 1
 
@@ -342,6 +344,24 @@ def test_the_fastest_of_a_type_is_so_over_pushed_starts(tmp_path):
     (row,) = champions_table(cases_of(tmp_path, *rows)).rows
     told = row[0], row[1], row[-2]
     assert told == ('biped-U-nD-snn-h-flat-batched-seed1', '5.00', '4.00 ± 0.25')
+
+
+def test_architectures_and_neuron_models_are_compared_where_all_else_is_alike(tmp_path):
+    speeds = {
+        ('U-nD', 'snn-h'): 5.0, ('U-nD', 'mlp'): 2.0, ('U-D', 'snn-h'): 4.0, ('U-D', 'mlp'): 3.0,
+    }
+    rows = [
+        made_up_row(shape, *of_type, seed, v_x=v_x + seed, v_x_unseen=-v_x, v_x_starts_mean=1.0)
+        for shape in ('biped', 'comb') for of_type, v_x in speeds.items() for seed in range(3)
+    ]
+    rows.append(made_up_row('worm', 'nU-D', 'snn', v_x=9.0))  # has nothing to be compared with
+    table = factors_table(cases_of(tmp_path, *rows))
+    assert table.header[2:] == ['cases', 'end of evolution', 'unseen terrains', 'pushed starts']
+    assert table.rows == [
+        ['SNN-H', 'MLP', '4', '4', '0', '0'],
+        ['U-nD', 'U-D', '4', '2', '2', '0'],
+    ]
+    assert factors_table(cases_of(tmp_path / 'one', rows[0])).rows == []
 
 
 @pytest.mark.parametrize(
