@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from made_up_results import paper_rows, write_results
 
-from docs.concept_pictures import DRAWINGS, PICTURES, svg
+from docs import concept_pictures, findings_pictures
+from docs.concept_pictures import DRAWINGS
 from docs.refresh import DOCS, refreshed
 
 SECTION = '# Title\n\n<!-- $ snca {} -->\nold\n<!-- end -->\n\nThe rest.\n'
@@ -71,7 +72,21 @@ def test_concepts_explain_each_term_once_and_show_each_picture():
 
 @pytest.mark.parametrize('name', DRAWINGS)
 def test_pictures_of_concepts_are_drawn_from_the_model(name):
-    kept, drawn = ET.parse(PICTURES / f'{name}.svg').getroot(), ET.fromstring(svg(name))
-    text = '{http://www.w3.org/2000/svg}text'
-    assert [e.text for e in kept.iter(text)] == [e.text for e in drawn.iter(text)]
-    assert len(list(drawn.iter())) > 20
+    kept = (concept_pictures.PICTURES / f'{name}.svg').read_text()
+    drawn = concept_pictures.svg(name)
+    assert texts(kept) == texts(drawn)
+    assert len(list(ET.fromstring(drawn).iter())) > 20
+
+
+def test_findings_show_each_figure_and_it_is_drawn_from_the_results():
+    drawn = findings_pictures.pictures()
+    shown = re.findall(r'findings/([\w-]+)\.svg', (DOCS / 'findings.md').read_text())
+    assert sorted(shown) == sorted(drawn)
+    for name, svg in drawn.items():
+        kept = (findings_pictures.PICTURES / f'{name}.svg').read_text()
+        assert texts(kept) == texts(svg), f'make docs: {name}.svg is old'
+
+
+def texts(svg: str) -> list[str]:
+    """Return what stands written in a picture; how it is drawn depends on matplotlib."""
+    return [e.text for e in ET.fromstring(svg).iter('{http://www.w3.org/2000/svg}text')]
