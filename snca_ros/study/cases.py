@@ -1,5 +1,6 @@
 """The finished runs of campaigns, joined and sorted by shape and type of controller."""
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,18 +14,21 @@ from snca_ros.cell.nca import ARCHITECTURES, NEURON_MODELS
 from snca_ros.study.campaign_file import read_campaign
 from snca_ros.study.results import read_rows
 
+OWN_ENGINE, OTHER_ENGINE = 'v_x_own', 'v_x_other'
+"""As columns: v_x [m/s] in the engine that a controller evolved in, and in the other one."""
+
 MEASURES = {
-    'v_x': 'end of evolution',
+    OWN_ENGINE: 'end of evolution',
     'v_x_unseen': 'unseen terrains',
     'v_x_starts_mean': 'pushed starts',
 }
 """Columns in which controllers are compared, and what they are called."""
 
-OTHER_ENGINE = 'v_x_other'
-"""As a column: v_x [m/s] in the engine that did not choose the controller."""
-
 FEWEST_SEEDS = 3
 """Below which a case comes with a warning."""
+
+_SETTING = re.compile(r'(?:hilly|steppy|uphill|downhill)(?:-\d[\d.]*)+|(?:[^-]|(?<=\de)-)+')
+"""A word of a run's name: a terrain with its numbers, or anything up to a hyphen not of 1e-5."""
 
 
 @dataclass(frozen=True)
@@ -78,14 +82,15 @@ class Run:
         case = f'{row["shape"]}-{row["architecture"]}-{row["neuron_model"]}-'
         printed = 'as-printed-' if self.controller.as_printed else ''
         words = row['run'].removeprefix(case + printed).removesuffix(f'-seed{row["seed"]}')
-        told = [word for word in words.split('-') if not word.startswith('evaluations')]
+        told = [word for word in _SETTING.findall(words) if not word.startswith('evaluations')]
         return told if row['engine'] in told else [*told, row['engine']]
 
     def value(self, column: str) -> float:
-        """Return the number in a column of its row, or `OTHER_ENGINE`."""
-        if column == OTHER_ENGINE:
-            column = next(f'v_x_{engine}' for engine in ENGINES if engine != self.row['chosen_by'])
-        return float(self.row[column])
+        """Return the number in a column of its row, `OWN_ENGINE` or `OTHER_ENGINE`."""
+        own = self.row['engine']
+        other = next(engine for engine in ENGINES if engine != own)
+        columns = {OWN_ENGINE: f'v_x_{own}', OTHER_ENGINE: f'v_x_{other}'}
+        return float(self.row[columns.get(column, column)])
 
 
 Cases = dict[str, dict[ControllerType, list[Run]]]
@@ -130,12 +135,12 @@ def read_cases(folders: Sequence[Path], campaigns: Sequence[Path] = ()) -> Cases
 
 def _check_row(row: dict[str, str], table: str) -> None:
     known = {
-        'architecture': ARCHITECTURES, 'neuron_model': NEURON_MODELS, 'chosen_by': ENGINES,
-        'as_printed': ('true', 'false'),
+        'architecture': ARCHITECTURES, 'neuron_model': NEURON_MODELS, 'engine': ENGINES,
+        'chosen_by': ENGINES, 'as_printed': ('true', 'false'),
     }
     for column, values in known.items():
         check_name(column, row[column], values, table)
-    for column in MEASURES:
+    for column in (*(f'v_x_{engine}' for engine in ENGINES), 'v_x_unseen', 'v_x_starts_mean'):
         if np.isnan(float(row[column])):
             raise InvalidInput(column, row[column], 'a speed, or -inf', table)
 

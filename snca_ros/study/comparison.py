@@ -2,18 +2,20 @@
 
 import io
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Patch, Rectangle
 
 from snca_ros.cell.nca import ARCHITECTURES, NEURON_MODELS
 from snca_ros.study.cases import (
     MEASURES,
     OTHER_ENGINE,
+    OWN_ENGINE,
     Cases,
     ControllerType,
     Run,
@@ -23,7 +25,7 @@ from snca_ros.study.cases import (
 from snca_ros.study.contrasts import Contrast
 from snca_ros.study.results import read_curve
 from snca_ros.study.statistics import quartiles
-from snca_ros.study.tables import told_p
+from snca_ros.study.tables import VIBRATION, told_p
 
 INK, PAPER = '#1a1a1a', '#ffffff'
 """Colours of what a page may draw light on dark instead."""
@@ -34,8 +36,9 @@ _STYLE: dict[Any, Any] = {
     'ytick.color': INK, 'figure.facecolor': PAPER, 'axes.facecolor': PAPER,
     'legend.facecolor': PAPER, 'axes.titlesize': 10.0, 'axes.titlelocation': 'left',
 }
-_BOXES = {'v_x': (-0.2, 0.9), 'v_x_unseen': (0.2, 0.4)}  # measure: place and opacity
+_BOXES = {OWN_ENGINE: (-0.2, 0.9), 'v_x_unseen': (0.2, 0.4)}  # measure: place and opacity
 _LIGHT_TEXT, _DARK_TEXT = '#fafafa', '#101010'  # on colours, whatever the page
+_GREY = '#777777'
 _NO_METADATA = ('Creator', 'Date', 'Format', 'Type')
 
 
@@ -52,13 +55,14 @@ def draw_all(cases: Cases, shown: Sequence[Contrast]) -> list[tuple[str, str, st
     colors = {c: f'C{i % 10}' for i, c in enumerate(controller_types(cases))}
     everything = [run for of in cases.values() for runs in of.values() for run in runs]
     speeds = np.concatenate([column_of(everything, measure) for measure in MEASURES])
-    highest = max(0.0, *speeds[np.isfinite(speeds)]) or 1.0
+    found = speeds[np.isfinite(speeds)]
+    lowest, highest = min(0.0, *found), max(0.0, *found) or 1.0
     figures: list[tuple[str, str, Figure]] = []
     with mpl.rc_context(_STYLE):
         for shape, of_shape in cases.items():
             of_it = [contrast for contrast in shown if contrast.shape == shape]
             figures += [
-                ('boxes', shape, _draw_boxes(shape, of_shape, of_it, colors)),
+                ('boxes', shape, _draw_boxes(shape, of_shape, of_it, colors, (lowest, highest))),
                 ('medians', shape, _draw_medians(shape, of_shape, highest)),
                 ('curves', shape, _draw_curves(shape, of_shape, colors)),
                 ('frequency', shape, _draw_frequencies(shape, of_shape, colors)),
@@ -84,24 +88,39 @@ def _panel(shape: str, height: float = 3.4, width: float = 4.4) -> tuple[Figure,
 
 def _draw_boxes(
     shape: str, of_shape: dict[ControllerType, list[Run]], shown: Sequence[Contrast],
-    colors: dict[ControllerType, str],
+    colors: dict[ControllerType, str], extent: tuple[float, float],
 ) -> Figure:
-    """Draw the speeds of each type as a pair of boxes: at the end, and paler on unseen ground."""
+    """Draw the speeds of each type as a pair of boxes, on the same scale for every shape.
+
+    Args:
+        shape, of_shape: what to draw.
+        shown: contrasts on this shape, to be told as p-values above and below.
+        colors: of the types.
+        extent: least and greatest speed [m/s] of all shapes.
+    """
     levels = len(shown) / len(MEASURES)
-    figure, axes = _panel(shape, 3.0 + 0.3 * levels, max(4.4, 0.75 * len(of_shape)))
+    figure, axes = _panel(shape, 3.4 + 0.3 * levels, max(4.4, 0.75 * len(of_shape)))
     for place, (controller, runs) in enumerate(of_shape.items()):
         for measure, (aside, alpha) in _BOXES.items():
             _draw_box(axes, column_of(runs, measure), place + aside, colors[controller], alpha)
-    low, high = axes.get_ylim()
+    low, high = extent
+    step = 0.11 * (high - low)
+    low, high = low - 0.5 * step, high + 0.5 * step
     for measure, (aside, _) in _BOXES.items():
         of_measure = [contrast for contrast in shown if contrast.measure == measure]
-        away = (high - low) * (0.11 if aside < 0.0 else -0.11)
+        away = step if aside < 0.0 else -step
         edge = high if away > 0.0 else low
         for level, contrast in enumerate(of_measure):
             _draw_bracket(axes, contrast, list(of_shape), aside, edge + level * away, away)
+    axes.set_ylim(low - levels * step, high + levels * step)
     axes.set_xticks(range(len(of_shape)), _ticks(of_shape))
     axes.set_ylabel('v_x [m/s]')
     axes.grid(axis='y', linewidth=0.4, alpha=0.5)
+    named = [
+        Patch(facecolor=_GREY, alpha=alpha, edgecolor=INK, label=MEASURES[measure])
+        for measure, (_, alpha) in _BOXES.items()
+    ]
+    figure.legend(handles=named, loc='outside upper right', ncols=len(named), fontsize=7.5)
     return figure
 
 
@@ -110,12 +129,12 @@ def _ticks(of_shape: dict[ControllerType, list[Run]]) -> list[str]:
 
 
 def _draw_box(
-    axes: Axes, values: np.ndarray, place: float, color: str, alpha: float, width: float = 0.34
+    axes: Axes, values: np.ndarray, place: float, color: str, alpha: float
 ) -> None:
     """Draw a box of quartiles, whiskers after Tukey, and every value as a dot."""
     values = values[np.isfinite(values)]
     axes.boxplot(
-        [values], positions=[place], widths=width, patch_artist=True, showfliers=False,
+        [values], positions=[place], widths=0.34, patch_artist=True, showfliers=False,
         boxprops={'facecolor': color, 'alpha': alpha, 'edgecolor': INK},
         medianprops={'color': INK, 'linewidth': 1.6},
         whiskerprops={'color': INK}, capprops={'color': INK},
@@ -140,18 +159,23 @@ def _draw_bracket(
 def _draw_medians(
     shape: str, of_shape: dict[ControllerType, list[Run]], highest: float
 ) -> Figure:
-    """Draw the table of medians, architectures × neuron models, a panel per measure."""
-    figure = Figure(figsize=(7.0, 2.3), layout='constrained')
-    rows = [a for a in ARCHITECTURES if a != 'nU-nD' or any(c.architecture == a for c in of_shape)]
+    """Draw the table of medians, architectures × neuron models, a panel per measure.
+
+    Types that differ in more than that have rows of their own.
+    """
+    usual = [a for a in ARCHITECTURES if a != 'nU-nD' or any(c.architecture == a for c in of_shape)]
+    variants = sorted({(c.as_printed, c.settings) for c in of_shape})
+    rows = [ControllerType(a, 'mlp', *variant) for variant in variants for a in usual]
+    figure = Figure(figsize=(7.0, 0.8 + 0.5 * len(rows)), layout='constrained')
     for axes, (measure, title) in zip(figure.subplots(1, 3), MEASURES.items(), strict=True):
         axes.set_title(f'{shape}: {title}', fontsize=9)
-        for y, architecture in enumerate(rows):
+        for y, row in enumerate(rows):
             for x, model in enumerate(NEURON_MODELS):
-                runs = of_shape.get(ControllerType(architecture, model), [])
+                runs = of_shape.get(replace(row, neuron_model=model), [])
                 _draw_cell(axes, x, y, column_of(runs, measure), highest)
         axes.set(xlim=(-0.5, 2.5), ylim=(len(rows) - 0.5, -0.5))
         axes.set_xticks(range(len(NEURON_MODELS)), [model.upper() for model in NEURON_MODELS])
-        axes.set_yticks(range(len(rows)), rows)
+        axes.set_yticks(range(len(rows)), [str(row).replace(' MLP', '') for row in rows])
         axes.tick_params(length=0)
         axes.spines[:].set_visible(False)
     return figure
@@ -207,9 +231,15 @@ def median_curve(curves: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
 def _draw_frequencies(
     shape: str, of_shape: dict[ControllerType, list[Run]], colors: dict[ControllerType, str]
 ) -> Figure:
+    """Draw every run's frequency, sorted, and their median; boxes would fill gaps between gaits."""
     figure, axes = _panel(shape, width=max(4.4, 0.75 * len(of_shape)))
     for place, (controller, runs) in enumerate(of_shape.items()):
-        _draw_box(axes, column_of(runs, 'frequency'), place, colors[controller], 0.9, 0.5)
+        frequency = np.sort(column_of(runs, 'frequency'))
+        places = place + np.linspace(-0.3, 0.3, len(runs))
+        axes.plot(places, frequency, 'o', color=colors[controller], markersize=4)
+        axes.hlines(np.median(frequency), place - 0.36, place + 0.36, color=INK, linewidth=1.6)
+    axes.axhline(VIBRATION, color=INK, linewidth=0.8, linestyle=':')
+    axes.set_xlim(-0.6, len(of_shape) - 0.4)
     axes.set_xticks(range(len(of_shape)), _ticks(of_shape))
     axes.set_ylabel('dominant frequency [Hz]')
     axes.set_ylim(bottom=0.0)
@@ -220,17 +250,17 @@ def _draw_frequencies(
 def _draw_luck(
     shape: str, of_shape: dict[ControllerType, list[Run]], colors: dict[ControllerType, str]
 ) -> Figure:
-    """Draw what the episode that chose a controller says against what others say."""
+    """Draw what the engine of evolution says against what the other and pushed starts say."""
     figure, axes = _panel(shape, 4.0)
     for controller, runs in of_shape.items():
-        chosen, color = column_of(runs, 'v_x'), colors[controller]
+        chosen, color = column_of(runs, OWN_ENGINE), colors[controller]
         other = column_of(runs, OTHER_ENGINE)
         axes.plot(chosen, other, 'o', color=color, fillstyle='none', markersize=5)
         mean, spread = column_of(runs, 'v_x_starts_mean'), column_of(runs, 'v_x_starts_std')
         axes.errorbar(chosen, mean, spread, fmt='o', color=color, markersize=4.5, elinewidth=0.8,
                       label=_label(controller, runs))
     axes.axline((0.0, 0.0), slope=1.0, color=INK, linewidth=0.8, linestyle=':')
-    axes.set(xlabel='v_x of the episode that chose it [m/s]', ylabel='v_x elsewhere [m/s]')
+    axes.set(xlabel='v_x at the end of evolution [m/s]', ylabel='v_x elsewhere [m/s]')
     axes.grid(linewidth=0.4, alpha=0.5)
     axes.legend(fontsize=7.5)
     return figure

@@ -12,10 +12,10 @@ from snca_ros.study.tables import Table
 FIGURES = {
     'boxes': (
         'Speed at the end of evolution and on unseen terrains',
-        'Left box of each pair: v_x of the best controller in the episode that chose it; right, '
-        'paler: its mean over the 16 unseen terrains. Boxes are quartiles, whiskers reach to 1.5 '
-        'times their distance, dots are runs. Above pairs of the left, below pairs of the right '
-        'boxes: two-sided Mann-Whitney p, in brackets after Holm.',
+        'Left box of each pair: v_x of the best controller in the engine in which it evolved; '
+        'right, paler: its mean over the 16 unseen terrains. Boxes are quartiles, whiskers reach '
+        'to 1.5 times their distance, dots are runs. Above pairs of the left, below pairs of the '
+        'right boxes: two-sided Mann-Whitney p, in brackets after Holm.',
     ),
     'medians': (
         'Architecture × neuron model',
@@ -27,12 +27,13 @@ FIGURES = {
     ),
     'frequency': (
         'Vibration',
-        'Frequency at which the power of the actuation of all voxels together peaks; 30 Hz is the '
-        'highest that can be.',
+        'Frequency at which the power of the actuation of all voxels together peaks, of each run, '
+        'and their median; 30 Hz is the highest that can be. Above the dotted line robots count '
+        'as vibrating.',
     ),
     'luck': (
         'How lucky the champions are',
-        'v_x of the episode that chose the controller, against its one episode in the other '
+        'v_x in the engine in which the controller evolved, against its one episode in the other '
         'engine (rings) and its mean and standard deviation over pushed starts (discs). On the '
         'dotted line both are the same; what lies below it was luck.',
     ),
@@ -66,11 +67,13 @@ tr { border-bottom: 1px solid #8888; }
 """
 
 _METHOD = f"""
-Two-sided Mann-Whitney U tests, exact where no two values are equal. Holm's correction is for the
-family of all pairs of controllers on one shape in one measure. A is Vargha and Delaney's: the
-probability that a run of the first controller is faster than one of the second, 0.5 being no
-effect; its {100 * LEVEL:g} % interval is Newcombe's (method 5). End of evolution: the one episode
-that chose the controller. Pushed starts: the mean over starts whose masses are pushed by up to a
+Two-sided Mann-Whitney U tests, exact where no two values are equal and groups have fewer than 50.
+Holm's correction is for the family of all pairs of controllers on one shape in one measure. A is
+Vargha and Delaney's: the probability that a run of the first controller is faster than one of the
+second, 0.5 being no effect; its {100 * LEVEL:g} % interval is Newcombe's (method 5). End of
+evolution: one episode of the best controller in the engine in which it evolved. Of a run in the
+batched engine the best quarter is walked again in pymunk, and the best there is that controller; so
+a curve may end above it. Pushed starts: the mean over starts whose masses are pushed by up to a
 micrometre; a single episode is chaotic, so this is the fairer measure. Unseen terrains: the mean
 over 16.
 """

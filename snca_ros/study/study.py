@@ -13,6 +13,7 @@ from snca_ros.study.tables import (
     factors_table,
     speeds_table,
     told_lines,
+    vibration_table,
 )
 
 EXAMPLES = """
@@ -43,8 +44,9 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     found = contrasts(cases)
     shown = shown_contrasts(found)
     warned, missing = warnings(cases), missing_runs(cases, args.campaign)
-    tables = [table(cases) for table in (speeds_table, champions_table, factors_table)]
-    tables = [table for table in tables if table.rows]
+    tables = [speeds_table(cases), champions_table(cases), vibration_table(cases)]
+    if (factors := factors_table(cases)).rows:
+        tables.append(factors)
     summary = [
         *(table.markdown() for table in (*tables, contrasts_table(shown))),
         *told_lines('Warnings', warned), *told_lines('Missing', missing),

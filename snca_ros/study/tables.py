@@ -8,6 +8,7 @@ import numpy as np
 from snca_ros.study.cases import (
     MEASURES,
     OTHER_ENGINE,
+    OWN_ENGINE,
     Cases,
     Run,
     column_of,
@@ -34,14 +35,16 @@ class Table:
 
 
 def told_p(p: float) -> str:
-    """Return a p-value as text."""
-    return '< 0.001' if p < 0.001 else f'{p:.3f}'
+    """Return a p-value as text, with one more digit where it would read like 0.05 itself."""
+    if p < 0.001:
+        return '< 0.001'
+    return f'{p:.4f}' if f'{p:.3f}' == '0.050' else f'{p:.3f}'
 
 
 def speeds_table(cases: Cases) -> Table:
     """Return seeds, evaluations and speeds of each case."""
     columns = {
-        'v_x': 'end of evolution', OTHER_ENGINE: 'other engine',
+        OWN_ENGINE: 'end of evolution', OTHER_ENGINE: 'other engine',
         'v_x_starts_mean': 'pushed starts', 'v_x_unseen': 'unseen terrains',
         'frequency': 'frequency [Hz]',
     }
@@ -62,7 +65,8 @@ def _told_quartiles(runs: list[Run], column: str) -> str:
 def champions_table(cases: Cases) -> Table:
     """Return the best controller of each case: the fastest in the mean over pushed starts."""
     columns = {
-        'v_x': 'end of evolution', OTHER_ENGINE: 'other engine', 'v_x_unseen': 'unseen terrains',
+        OWN_ENGINE: 'end of evolution', OTHER_ENGINE: 'other engine',
+        'v_x_unseen': 'unseen terrains',
     }
     rows = []
     for of_shape in cases.values():
@@ -77,28 +81,63 @@ def champions_table(cases: Cases) -> Table:
     return Table('v_x [m/s] of the fastest of each type over pushed starts', header, rows)
 
 
-def factors_table(cases: Cases) -> Table:
-    """Return in how many cases one architecture, or one neuron model, has the larger median.
+VIBRATION = 4.0
+"""Dominant frequency of the actuation [Hz] above which a robot counts as vibrating: a voxel
+contracts and expands again in less than 15 control steps."""
 
-    A case is a shape and a value of the other factor, with which there are runs of both.
+
+def vibration_table(cases: Cases) -> Table:
+    """Return how many runs of each case vibrate, and what those and the others keep of v_x.
+
+    Kept is the share of v_x at the end of evolution that is left on unseen terrains. Runs whose
+    robots do not walk forwards count in neither.
     """
-    found: dict[tuple[str, str], list[list[bool]]] = {}
+    rows = []
+    for shape, of_shape in cases.items():
+        for controller, runs in of_shape.items():
+            frequency = column_of(runs, 'frequency')
+            fast = [run for run, f in zip(runs, frequency, strict=True) if f > VIBRATION]
+            rows.append([
+                shape, str(controller), f'{frequency.min():.2f} to {frequency.max():.2f}',
+                f'{len(fast)} of {len(runs)}',
+                *(_told_pace(group) for group in (fast, [r for r in runs if r not in fast])),
+            ])
+    header = ['shape', 'controller', 'frequency [Hz]', f'above {VIBRATION:g} Hz',
+              'v_x [m/s] and share kept of those', 'of the others']
+    return Table('Vibration: medians of runs that do and that do not', header, rows)
+
+
+def _told_pace(runs: list[Run]) -> str:
+    walked = [run for run in runs if run.value(OWN_ENGINE) > 0.0]
+    if not walked:
+        return '–'
+    kept = column_of(walked, 'v_x_unseen') / column_of(walked, OWN_ENGINE)
+    return f'{_median(walked, OWN_ENGINE):.2f}, {100.0 * quartiles(kept)[1]:.0f} %'
+
+
+def factors_table(cases: Cases) -> Table:
+    """Return in how many shapes one architecture, or one neuron model, has the larger median.
+
+    All else is alike: neuron models are compared in one architecture, and the other way round.
+    """
+    found: dict[tuple[str, str, str], list[list[bool]]] = {}
     for of_shape in cases.values():
         for first, second in combinations(of_shape, 2):
             if second == replace(first, architecture=second.architecture):
-                names = first.architecture, second.architecture
+                names = first.architecture, second.architecture, first.neuron_model.upper()
             elif second == replace(first, neuron_model=second.neuron_model):
-                names = first.neuron_model.upper(), second.neuron_model.upper()
+                models = first.neuron_model.upper(), second.neuron_model.upper()
+                names = *models, first.architecture
             else:
                 continue
             larger = [_median(of_shape[first], m) > _median(of_shape[second], m) for m in MEASURES]
             found.setdefault(names, []).append(larger)
     rows = [
         [*names, str(len(larger)), *map(str, np.sum(larger, axis=0))]
-        for names, larger in found.items()
+        for names, larger in sorted(found.items())
     ]
-    header = ['first', 'second', 'cases', *MEASURES.values()]
-    return Table('In how many cases the median v_x of the first is the larger', header, rows)
+    header = ['first', 'second', 'with', 'shapes', *MEASURES.values()]
+    return Table('On how many shapes the median v_x of the first is the larger', header, rows)
 
 
 def _median(runs: list[Run], column: str) -> float:

@@ -17,6 +17,8 @@ def made_up_row(
 ) -> dict[str, str]:
     """Return a row of results.csv; `numbers` replace made-up ones."""
     printed = 'as-printed-' if as_printed else ''
+    if 'v_x' in numbers:
+        numbers.setdefault('v_x_batched', numbers['v_x'])
     budget = '' if evaluations == 30_000 else f'-evaluations{evaluations}'
     rng = np.random.default_rng([seed, *f'{shape} {architecture} {neuron_model}'.encode()])
     v_x = float(rng.uniform(2.0, 9.0))
@@ -24,8 +26,8 @@ def made_up_row(
         'run': f'{shape}-{architecture}-{neuron_model}-{printed}{settings}{budget}-seed{seed}',
         'shape': shape, 'architecture': architecture, 'neuron_model': neuron_model,
         'as_printed': str(as_printed).lower(), 'seed': seed, 'engine': 'batched',
-        'n_evaluations': evaluations, 'v_x': v_x, 'chosen_by': 'pymunk', 'v_x_pymunk': v_x,
-        'v_x_batched': v_x * rng.uniform(0.3, 1.0), 'v_x_unseen': v_x * rng.uniform(0.2, 0.8),
+        'n_evaluations': evaluations, 'v_x': v_x, 'chosen_by': 'batched', 'v_x_batched': v_x,
+        'v_x_pymunk': v_x * rng.uniform(0.3, 1.0), 'v_x_unseen': v_x * rng.uniform(0.2, 0.8),
         'starts': 20, 'v_x_starts_mean': v_x * rng.uniform(0.4, 0.9), 'v_x_starts_std': 0.3,
         'frequency': rng.uniform(0.5, 12.0), **dict.fromkeys(UNSEEN_TERRAINS, 1.0), **numbers,
     }

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import mannwhitneyu
 
 from snca_ros.study.statistics import compare, effect_interval, holm, quartiles
 
@@ -147,3 +148,12 @@ def test_quartiles_with_diverged_runs():
     assert quartiles(np.array([[-np.inf, 1.0], [-np.inf, 3.0]])).tolist() == [
         [-np.inf, 1.5], [-np.inf, 2.0], [-np.inf, 2.5]
     ]
+
+
+@pytest.mark.parametrize(('n', 'method'), [(4, 'exact'), (49, 'exact'), (50, 'asymptotic')])
+def test_the_test_is_scipys_exact_one_in_small_groups(n, method):
+    rng = np.random.default_rng(n)
+    first, second = rng.normal(size=n), rng.normal(0.5, size=10)
+    expected = mannwhitneyu(first, second, alternative='two-sided', method=method)
+    result = compare(first, second)
+    assert (result.u, result.p) == (expected.statistic, expected.pvalue)

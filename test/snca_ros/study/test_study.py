@@ -16,16 +16,17 @@ from sim_node.errors import InvalidInput
 from snca_ros import cli
 from snca_ros.study.cases import (
     OTHER_ENGINE,
+    OWN_ENGINE,
     ControllerType,
     missing_runs,
     read_cases,
     warnings,
 )
-from snca_ros.study.comparison import median_curve
+from snca_ros.study.comparison import draw_all, median_curve
 from snca_ros.study.contrasts import COLUMNS, contrasts, shown_contrasts
 from snca_ros.study.results import read_curve
 from snca_ros.study.statistics import compare
-from snca_ros.study.tables import champions_table, factors_table
+from snca_ros.study.tables import champions_table, factors_table, told_p, vibration_table
 
 SNCA = ControllerType('U-nD', 'snn-h')
 
@@ -90,12 +91,15 @@ def test_tables_that_do_not_agree_are_refused(tmp_path):
         read_cases([one, two])
 
 
-def test_the_other_engine_is_the_one_that_did_not_choose(tmp_path):
-    numbers = {'v_x_pymunk': 1.0, 'v_x_batched': 2.0}
-    cases = cases_of(
-        tmp_path, made_up_row(**numbers), made_up_row(seed=1, chosen_by='batched', **numbers)
-    )
-    assert [run.value(OTHER_ENGINE) for run in cases['biped'][SNCA]] == [2.0, 1.0]
+def test_the_own_engine_is_that_of_evolution_whichever_chose(tmp_path):
+    numbers = {'v_x_pymunk': 1.0, 'v_x_batched': 2.0, 'chosen_by': 'pymunk'}
+    batched = made_up_row(**numbers)
+    pymunk = made_up_row(settings='flat', **numbers) | {'engine': 'pymunk'}
+    runs = [run for of in cases_of(tmp_path, batched, pymunk)['biped'].values() for run in of]
+    assert sorted(run.row['engine'] for run in runs) == ['batched', 'pymunk']
+    for run in runs:
+        own = 2.0 if run.row['engine'] == 'batched' else 1.0
+        assert (run.value(OWN_ENGINE), run.value(OTHER_ENGINE)) == (own, 3.0 - own)
 
 
 # --- what is missing or may mislead -----------------------------------------------------------
@@ -289,7 +293,7 @@ def test_page_is_whole_and_self_contained(drawn):
     told = '4 seeds × 30,000 evaluations of U-nD SNN-H, U-D MLP, nU-D MLP'
     assert all(caption.endswith(told) for caption in captions)
     assert [len(list(table.iter('tr'))) for table in tree.iter('table')] == [
-        1 + 9, 1 + 9, 1 + 1, 1 + 27,
+        1 + 9, 1 + 9, 1 + 9, 1 + 1, 1 + 27,
     ]
     assert '#1a1a1a' not in page
     assert 'Warnings' not in page
@@ -318,7 +322,7 @@ def test_the_same_tables_give_the_same_bytes(drawn, tmp_path):
 
 def test_text_is_the_summary_and_writes_nothing(tmp_path, capsys):
     rows = [
-        made_up_row('biped', *of_type, seed, v_x=v_x + seed, chosen_by='batched', v_x_pymunk=0.5)
+        made_up_row('biped', *of_type, seed, v_x=v_x + seed, v_x_pymunk=0.5)
         for of_type, v_x in zip(PAPER_TYPES, (5.0, 1.0, 0.0), strict=True) for seed in range(3)
     ]
     results = write_results(tmp_path / 'results', rows)
@@ -331,7 +335,7 @@ def test_text_is_the_summary_and_writes_nothing(tmp_path, capsys):
     assert '| biped | end of evolution | U-nD SNN-H | U-D MLP | 6.00, 2.00 | 0.100 | 0.300 |' in out
     assert sorted(results.rglob('*')) == before
     tables = [line for line in out.splitlines() if line.startswith('|')]
-    assert len(tables) == 2 + 3 + 2 + 3 + 2 + 1 + 2 + 9
+    assert len(tables) == 2 + 3 + 2 + 3 + 2 + 3 + 2 + 1 + 2 + 9
     fastest = '| biped-U-nD-snn-h-flat-batched-seed'
     assert sum(line.startswith(fastest) for line in tables) == 1
 
@@ -356,12 +360,63 @@ def test_architectures_and_neuron_models_are_compared_where_all_else_is_alike(tm
     ]
     rows.append(made_up_row('worm', 'nU-D', 'snn', v_x=9.0))  # has nothing to be compared with
     table = factors_table(cases_of(tmp_path, *rows))
-    assert table.header[2:] == ['cases', 'end of evolution', 'unseen terrains', 'pushed starts']
+    measures = ['end of evolution', 'unseen terrains', 'pushed starts']
+    assert table.header == ['first', 'second', 'with', 'shapes', *measures]
     assert table.rows == [
-        ['SNN-H', 'MLP', '4', '4', '0', '0'],
-        ['U-nD', 'U-D', '4', '2', '2', '0'],
+        ['SNN-H', 'MLP', 'U-D', '2', '2', '0', '0'],
+        ['SNN-H', 'MLP', 'U-nD', '2', '2', '0', '0'],
+        ['U-nD', 'U-D', 'MLP', '2', '0', '2', '0'],
+        ['U-nD', 'U-D', 'SNN-H', '2', '2', '0', '0'],
     ]
     assert factors_table(cases_of(tmp_path / 'one', rows[0])).rows == []
+
+
+def test_vibrating_runs_are_counted_and_compared_with_the_others(tmp_path):
+    numbers = [(4.0, 1.0, 8.0), (4.1, 2.0, 8.0), (15.0, 4.0, 4.0), (20.0, -1.0, 0.0)]
+    rows = [
+        made_up_row(seed=s, frequency=f, v_x_unseen=unseen, v_x=v_x)
+        for s, (f, unseen, v_x) in enumerate(numbers)
+    ]
+    rows.append(made_up_row('comb', frequency=1.0, v_x=2.0, v_x_unseen=-np.inf))
+    assert vibration_table(cases_of(tmp_path, *rows)).rows == [
+        ['biped', str(SNCA), '4.00 to 20.00', '3 of 4', '6.00, 62 %', '8.00, 12 %'],
+        ['comb', str(SNCA), '1.00 to 1.00', '0 of 1', '–', '2.00, -inf %'],
+    ]
+
+
+@pytest.mark.parametrize(
+    ('p', 'told'),
+    [(0.0009, '< 0.001'), (0.001, '0.001'), (0.0503, '0.0503'), (0.0496, '0.0496'), (0.3, '0.300')],
+)
+def test_a_p_value_tells_its_side_of_the_level(p, told):
+    assert told_p(p) == told
+
+
+@pytest.mark.parametrize(
+    ('names', 'told'),
+    [
+        (('hilly-10-1-0-batched', 'hilly-1-10-0-batched'), ['hilly-1-10-0', 'hilly-10-1-0']),
+        (('hilly-0.5-10-0-batched', 'hilly-0.5-10-10-batched'),
+         ['hilly-0.5-10-0', 'hilly-0.5-10-10']),
+        (('flat-batched-sigma1e-05', 'flat-batched'), ['', 'sigma1e-05']),
+        (('flat-batched-cma', 'uphill-10-batched'), ['flat cma', 'uphill-10']),
+        (('flat-batched-evaluations90', 'flat-batched'), ['']),
+    ],
+)
+def test_settings_are_told_whole(tmp_path, names, told):
+    rows = [made_up_row(settings=name) for name in names]
+    assert sorted(c.settings for c in cases_of(tmp_path, *rows)['biped']) == told
+
+
+def test_types_with_settings_have_rows_of_their_own_in_the_table_of_medians(tmp_path):
+    names = 'flat', 'uphill-10', 'flat-cma'
+    rows = [made_up_row(settings=name, v_x_unseen=9.9) for name in names]
+    rows.append(made_up_row(as_printed=True, settings='flat', v_x_unseen=8.8))
+    drawn = {kind: svg for kind, _, svg in draw_all(cases_of(tmp_path, *rows), [])}
+    texts = [e.text for e in ET.fromstring(drawn['medians']).iter() if e.text]
+    assert texts.count('9.9') == 3
+    assert texts.count('8.8') == 1
+    assert {'U-nD, uphill-10', 'U-nD, flat', 'U-nD, flat cma'} <= set(texts)
 
 
 @pytest.mark.parametrize(
