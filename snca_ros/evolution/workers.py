@@ -125,8 +125,15 @@ def cluster_workers(address: str) -> Iterator[Workers]:
         expected = f'the address of a Dask scheduler with workers ({error})'
         raise InvalidInput('scheduler', address, expected) from None
     executor = client.get_executor(pure=False)
+
+    def count() -> int:
+        try:
+            return max(1, sum(client.nthreads().values()))
+        except OSError as error:
+            raise BrokenExecutor(f'{address}: {error}') from error
+
     try:
-        yield Workers(executor, lambda: max(1, sum(client.nthreads().values())))
+        yield Workers(executor, count)
     except (CancelledError, FutureCancelled, KilledWorker) as error:
         raise BrokenExecutor(f'{address}: {error}') from error
     finally:

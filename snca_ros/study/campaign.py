@@ -4,11 +4,13 @@ import argparse
 import contextlib
 import signal
 import sys
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
+from sim_node.errors import InvalidInput
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.workers import Workers, add_worker_arguments, open_workers
 from snca_ros.status import StatusLine, TimeLeft
@@ -17,7 +19,7 @@ from snca_ros.study.results import Outcome, Results, perform
 
 INTERRUPTED = 130
 _TELL_EVERY = 1.0  # s
-_MOST_CRASHES = 2  # of the processes in which a run was, until it counts as failed
+_GOES_ON = 'stopped; the same command goes on with it'
 
 
 class Campaign:
@@ -34,19 +36,25 @@ class Campaign:
         self.waiting = deque(c for c in configs if c.name not in results.rows)
         self.running: dict[Future[Outcome], RunConfig] = {}
         self.failed: dict[str, str] = {}
-        self._crashes: Counter[str] = Counter()
+        self._suspects: set[str] = set()  # one of them has ended its worker process
+        self._at_once = 1  # of the suspects
         self._line = StatusLine()
         self._left = TimeLeft(sum(c.evaluations for c in configs), self._evaluations())
 
     def work(self, workers: Workers) -> None:
         """Perform what waits, as many runs at a time as there are workers.
 
+        When a worker process ends, nobody knows whose fault it was: the runs of then are tried
+        again, half as many at a time, until one ends its process alone; that one has failed.
+
         Raises:
-            BrokenExecutor: a worker process ended; what was running waits again, or has failed.
+            BrokenExecutor, CancelledError: a worker process ended, or the cluster is lost; what
+                was running waits again, or has failed.
         """
         try:
             while self.waiting or self.running:
-                while self.waiting and len(self.running) < workers.count():
+                most = self._at_once if self._suspects else workers.count()
+                while self.waiting and len(self.running) < most:
                     config = self.waiting[0]
                     future = workers.executor.submit(perform, config, self.runs / config.name)
                     self.running[future] = self.waiting.popleft()
@@ -54,19 +62,20 @@ class Campaign:
                 for future in done:
                     self._finish(future)
                 self._line.show(self.told())
-        except BrokenExecutor:
-            self._put_back()
+        except (BrokenExecutor, CancelledError) as error:
+            self._put_back(isinstance(error, BrokenProcessPool))
             raise
 
     def _finish(self, future: Future[Outcome]) -> None:
         try:
             outcome = future.result()
-        except BrokenExecutor:
+        except (BrokenExecutor, CancelledError):
             raise
         except Exception as error:
             self._fail(self.running.pop(future), f'{type(error).__name__}: {error}')
             return
         config = self.running.pop(future)
+        self._suspects.discard(config.name)
         self.results.add(outcome)
         row = self.results.rows[config.name]
         self._line.clear()
@@ -76,17 +85,21 @@ class Campaign:
             f'± {float(row["v_x_starts_std"]):.3f}', flush=True,
         )
 
-    def _put_back(self) -> None:
-        for config in self.running.values():
-            self._crashes[config.name] += 1
-            if self._crashes[config.name] < _MOST_CRASHES:
-                self.waiting.appendleft(config)
-            else:
-                self._fail(config, 'its worker process ended unexpectedly (out of memory?)')
+    def _put_back(self, a_process_ended: bool) -> None:
+        configs = list(self.running.values())
         self.running.clear()
+        if a_process_ended and len(configs) == 1 and configs[0].name in self._suspects:
+            reason = 'it ended its worker process twice, once alone (out of memory?)'
+            self._fail(configs[0], reason)
+            return
+        self.waiting.extendleft(reversed(configs))
+        if a_process_ended:
+            self._suspects.update(config.name for config in configs)
+            self._at_once = max(1, len(configs) // 2)
 
     def _fail(self, config: RunConfig, reason: str) -> None:
         self.failed[config.name] = reason
+        self._suspects.discard(config.name)
         self._line.clear()
         print(f'{config.name} failed: {reason}', file=sys.stderr, flush=True)
 
@@ -146,8 +159,11 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
             with contextlib.suppress(BrokenExecutor), open_workers(args, parser) as workers:
                 campaign.work(workers)
     except KeyboardInterrupt:
-        print(f'\nstopped; the same command goes on with it: {campaign.told()}', file=sys.stderr)
+        print(f'\n{_GOES_ON}: {campaign.told()}', file=sys.stderr)
         return INTERRUPTED
+    except InvalidInput:  # no workers, or no more
+        print(f'{_GOES_ON}: {campaign.told()}', file=sys.stderr)
+        raise
     finally:
         results.close()
     print(f'{results.path / "results.csv"}: {campaign.told()}')

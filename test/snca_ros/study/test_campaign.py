@@ -29,7 +29,7 @@ from snca_ros.controller_file import load_controller
 from snca_ros.evolution.workers import local_workers
 from snca_ros.study.assess import Trial, score
 from snca_ros.study.campaign_file import read_campaign
-from snca_ros.study.results import COLUMNS, STARTS, Results, read_rows
+from snca_ros.study.results import COLUMNS, STARTS, Results, perform, read_rows
 
 
 @pytest.fixture(scope='module')
@@ -202,6 +202,31 @@ def test_failed_run_is_reported_and_the_rest_goes_on(file, whole, tmp_path, caps
     assert 'checkpoint.npz' in err
     assert rows_of(tmp_path).keys() == rows_of(whole).keys() - {bad}
     shutil.rmtree(tmp_path / 'runs' / bad)
+    work(file, tmp_path)
+    assert contents(tmp_path / 'results') == contents(whole / 'results')
+
+
+def _perform_or_die(config, path):
+    if config.name in os.environ['DEADLY'].split():
+        os._exit(3)
+    return perform(config, path)
+
+
+@pytest.mark.parametrize('n_deadly', [1, 2])
+def test_runs_that_end_their_process_fail_alone(
+    n_deadly, file, whole, tmp_path, monkeypatch, capsys
+):
+    names = [config.name for config in read_campaign(file)]
+    deadly = names[1 : 1 + n_deadly]
+    monkeypatch.setattr('snca_ros.study.campaign.perform', _perform_or_die)
+    monkeypatch.setenv('DEADLY', ' '.join(deadly))
+    options = ['--results', str(tmp_path / 'results'), '--runs', str(tmp_path / 'runs')]
+    assert cli.main(['campaign', str(file), '--workers', '4', *options]) == 1
+    out, err = capsys.readouterr()
+    assert f'{4 - n_deadly} of 4 runs done, 0 running, 0 waiting, {n_deadly} failed' in out
+    assert [line.split()[0] for line in err.splitlines() if ' failed: ' in line] == deadly
+    assert rows_of(tmp_path).keys() == set(names) - set(deadly)
+    monkeypatch.undo()
     work(file, tmp_path)
     assert contents(tmp_path / 'results') == contents(whole / 'results')
 

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from concurrent.futures import BrokenExecutor
 
 import numpy as np
@@ -35,6 +36,7 @@ def dask(tmp_path):
         processes.append(process)
         return process
 
+    start_one.processes = processes
     yield start_one
     for process in processes:
         process.kill()
@@ -75,6 +77,33 @@ def test_campaign_on_a_cluster_that_loses_a_worker(workers, scheduler, tmp_path)
     assert '4 of 4 runs done, 0 running, 0 waiting, 0 failed' in out
     assert workers[0].wait(LIMIT) == -signal.SIGKILL
     assert contents(folder / 'results') == contents(whole / 'results')
+
+
+@pytest.mark.usefixtures('workers')
+def test_campaign_on_a_cluster_that_is_lost_says_how_to_go_on(
+    dask, scheduler, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr('snca_ros.evolution.workers._ANSWER_LIMIT', 2.0)
+    monkeypatch.setenv('DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT', '2s')
+    file, folder = write_file(tmp_path), tmp_path / 'cluster'
+    options = ['--results', str(folder / 'results'), '--runs', str(folder / 'runs')]
+
+    def lose_it() -> None:
+        wait_until(lambda: generations(folder) >= 1, 'a generation')
+        dask.processes[0].kill()
+
+    loser = threading.Thread(target=lose_it)
+    loser.start()
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        assert cli.main(['campaign', str(file), '--scheduler', scheduler, *options]) == 2
+    finally:
+        signal.signal(signal.SIGTERM, before)
+        loser.join(LIMIT)
+    err = capsys.readouterr().err
+    assert 'the same command goes on with it: 0 of 4 runs done' in err
+    assert '4 waiting, 0 failed' in err
+    assert 'the address of a Dask scheduler' in err.splitlines()[-1]
 
 
 def test_evolution_on_a_cluster_that_loses_a_worker(workers, scheduler, tmp_path):
