@@ -41,9 +41,9 @@ unit: $(TOOLS)  ## the tests: unit tests, then graphs of real processes
 bench: $(TOOLS)  ## speed of episodes, evolution and graphs, ratios first; writes bench.json
 	$(BIN)/python -m benchmarks --json bench.json
 
-docs: $(TOOLS)  ## fill the generated sections of docs/ anew, draw the figures of findings.md
+docs: $(TOOLS)  ## fill the generated sections of docs/ anew, draw its figures of campaigns
 	$(BIN)/python -m docs.refresh
-	$(BIN)/python -m docs.findings_pictures
+	$(BIN)/python -m docs.study_figures
 
 api: $(TOOLS)  ## all docstrings as pages in build/api, by pdoc
 	$(BIN)/python -m pip install -q --disable-pip-version-check pdoc

@@ -24,7 +24,10 @@ from snca_ros.faults import NO_FAULTS, Faults
 from snca_ros.files import check_writable, write_text
 
 COLUMNS = ('controller', 'terrain', 'engine', 'start', 'v_x')
-"""Of the CSV, a row per episode; start 0 is the exact one, others are pushed."""
+"""Of the CSV, a row per episode; start 0 is the exact one, others are pushed. Rows of the terrain
+`MEAN` have the mean over the terrains, start by start."""
+
+MEAN = 'mean'
 
 FAULTY_STARTS = 9
 """Pushed starts beside the exact one for each value of a fault, if nobody says how many."""
@@ -91,10 +94,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--starts', type=int, metavar='N',
                         help='also walk from N pushed starts: mean and standard deviation '
                         f'(default 0; with --faults {FAULTY_STARTS})')
+    parser.add_argument('--duration', type=float, default=EPISODE,
+                        help=f'seconds of an episode (default {EPISODE:g})')
     parser.add_argument('--faults', action='append', default=[], metavar='SPEC',
                         help='let a fault grow instead, FROM..TO[..STEP] in place of its number: '
                         'loss=0..0.9..0.1, delay=0..10, death=0..1@5; again for another panel')
-    parser.add_argument('--csv', type=Path, metavar='FILE', help='write a row per episode here')
+    parser.add_argument('--csv', type=Path, metavar='FILE',
+                        help='write a row per episode here, and the means over the terrains')
     parser.add_argument('--figure', type=Path, metavar='FILE',
                         help='picture to draw, .png, .svg or .pdf')
     add_worker_arguments(parser)
@@ -110,6 +116,8 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         args.starts = FAULTY_STARTS if args.faults else 0
     if not 0 <= args.starts <= 10_000:
         raise InvalidInput('starts', args.starts, 'an integer from 0 to 10000')
+    if not TRANSIENT < args.duration < np.inf:
+        raise InvalidInput('duration', args.duration, f'a time above {TRANSIENT:g} s')
     if args.figure:
         check_figure(args.figure)
     if args.csv:
@@ -125,21 +133,21 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if args.faults:
         return assess_faults(args, trained, terrains, opened)
     trials = [
-        Trial(controller, terrain, args.engine, start)
+        Trial(controller, terrain, args.engine, start, duration=args.duration)
         for controller, terrain, start in product(trained, terrains, range(1 + args.starts))
     ]
     with opened as workers:
         v_x = run_trials(workers, trials)
     scores = v_x.reshape(len(trained), len(terrains), 1 + args.starts)
-    print(f'v_x [m/s] of episodes of {EPISODE:g} s in the {args.engine} engine')
+    scores = np.concatenate([scores, scores.mean(axis=1, keepdims=True)], axis=1)
+    terrains.append(MEAN)
+    print(f'v_x [m/s] of episodes of {args.duration:g} s in the {args.engine} engine')
     for name, of_one in zip(args.controllers, scores, strict=True):
         print('\n'.join(['', *table(name, terrains, of_one)]), flush=True)
     if args.csv:
-        each = len(trials) // len(trained)
-        write_csv(args.csv, COLUMNS, [
-            (args.controllers[i // each], trial.terrain, trial.engine, trial.start, v)
-            for i, (trial, v) in enumerate(zip(trials, v_x.tolist(), strict=True))
-        ])
+        each = product(args.controllers, terrains, [args.engine], range(1 + args.starts))
+        v_x = scores.ravel()
+        write_csv(args.csv, COLUMNS, [(*e, v) for e, v in zip(each, v_x.tolist(), strict=True)])
     if args.figure:
         write_figure(draw_scores(args.controllers, terrains, scores), args.figure)
     return 0
@@ -152,14 +160,13 @@ def table(name: str, terrains: Sequence[str], scores: np.ndarray) -> list[str]:
         name: of the controller.
         terrains: their names.
         scores: (n_terrains, 1 + n_pushed) v_x [m/s]; of pushed starts mean and sample standard
-            deviation are told. The last line has means over the terrains, start by start.
+            deviation are told.
     """
     n_pushed = scores.shape[1] - 1
     head = f'{"":24}{"v_x":>9}'
     head = f'{head}{"mean":>9}{"std":>9}  of {n_pushed} pushed starts' if n_pushed else head
     lines = [name, head]
-    rows = [*zip(terrains, scores, strict=True), ('mean', scores.mean(axis=0))]
-    for terrain, (exact, *pushed) in rows:
+    for terrain, (exact, *pushed) in zip(terrains, scores, strict=True):
         numbers = [exact, *summary(pushed)] if pushed else [exact]
         lines.append(f'{terrain:24}' + ''.join(f'{number:9.3f}' for number in numbers))
     return lines

@@ -11,6 +11,7 @@ import numpy as np
 from sim_node.errors import InvalidInput, check_name
 from sim_node.solver import ENGINES
 from snca_ros.cell.nca import ARCHITECTURES, NEURON_MODELS
+from snca_ros.evolution.strategy import STRATEGIES
 from snca_ros.study.campaign_file import read_campaign
 from snca_ros.study.results import read_rows
 
@@ -83,6 +84,8 @@ class Run:
         printed = 'as-printed-' if self.controller.as_printed else ''
         words = row['run'].removeprefix(case + printed).removesuffix(f'-seed{row["seed"]}')
         told = [word for word in _SETTING.findall(words) if not word.startswith('evaluations')]
+        if not set(STRATEGIES).intersection(told):
+            told.append('es')
         return told if row['engine'] in told else [*told, row['engine']]
 
     def value(self, column: str) -> float:

@@ -83,7 +83,7 @@ def assess_faults(
     with opened as workers:
         for sweep in sweeps:
             trials = sweep_trials(trained, sweep, terrains, args.engine, n_starts)
-            v_x = run_trials(workers, trials)
+            v_x = run_trials(workers, [replace(t, duration=args.duration) for t in trials])
             shape = len(trained), len(sweep.values), n_starts, len(terrains)
             scores.append(v_x.reshape(shape).mean(axis=3))
             print('\n'.join(table(args.controllers, sweep, scores[-1])), end='\n\n', flush=True)

@@ -65,17 +65,21 @@ def test_workers_do_not_matter():
 def test_table_csv_and_figure_tell_the_same(worms, tmp_path, capsys):
     terrains = ['flat', 'downhill-20', 'hilly-1-10-0']
     code, out, err = assess(
-        *worms, '--terrains', ','.join(terrains), '--starts', 3, '--workers', 1,
+        *worms, '--terrains', ','.join(terrains), '--starts', 3, '--workers', 1, '--duration', 7,
         '--csv', tmp_path / 'scores.csv', '--figure', tmp_path / 'scores.svg', capsys=capsys,
     )
     assert (code, err) == (0, '')
     with (tmp_path / 'scores.csv').open(newline='') as file:
         rows = list(csv.DictReader(file))
     assert tuple(rows[0]) == COLUMNS
+    terrains.append('mean')
     expected = [(w, t, 'pymunk', str(s)) for w in worms for t in terrains for s in range(4)]
     assert [tuple(row[c] for c in COLUMNS[:4]) for row in rows] == expected
-    scores = np.array([float(row['v_x']) for row in rows]).reshape(2, 3, 4)
-    assert scores[1, 1, 2] == score(Trial(trained_worm(1), 'downhill-20', start=2))
+    scores = np.array([float(row['v_x']) for row in rows]).reshape(2, 4, 4)
+    np.testing.assert_allclose(scores[:, 3], scores[:, :3].mean(axis=1), rtol=1e-12)
+    assert scores[1, 1, 2] == score(
+        Trial(trained_worm(1), 'downhill-20', start=2, duration=7.0)
+    )
     for worm, of_one in zip(worms, scores, strict=True):
         assert '\n'.join(table(worm, terrains, of_one)) in out
     picture = (tmp_path / 'scores.svg').read_text()
@@ -85,14 +89,13 @@ def test_table_csv_and_figure_tell_the_same(worms, tmp_path, capsys):
 
 def test_lines_of_a_table():
     scores = np.array([[1.0, 0.0, 2.0, 4.0], [3.0, 2.0, 2.0, 2.0]])
-    name, head, flat, hilly, mean = table('worm', ['flat', 'hilly'], scores)
+    name, head, flat, hilly = table('worm', ['flat', 'hilly'], scores)
     assert name == 'worm'
     assert head.split() == ['v_x', 'mean', 'std', 'of', '3', 'pushed', 'starts']
     assert flat.split() == ['flat', '1.000', '2.000', '2.000']
     assert hilly.split() == ['hilly', '3.000', '2.000', '0.000']
-    assert mean.split() == ['mean', '2.000', '2.000', '1.000']  # means 1, 2, 3 of the starts
     assert [line.split() for line in table('w', ['flat'], scores[:1, :1])] == [
-        ['w'], ['v_x'], ['flat', '1.000'], ['mean', '1.000']
+        ['w'], ['v_x'], ['flat', '1.000']
     ]
 
 
@@ -111,6 +114,8 @@ def test_summary_of_starts():
         ([DEFAULT_CONTROLLER, '--terrains', 'flat,hily-1-10-0'], ['hily-1-10-0', "'hilly'"]),
         ([DEFAULT_CONTROLLER, '--engine', 'pymnk'], ['engine', "did you mean 'pymunk'?"]),
         ([DEFAULT_CONTROLLER, '--starts', '-1'], ['starts', 'from 0']),
+        ([DEFAULT_CONTROLLER, '--duration', '5'], ['duration', '5.0', 'above 5 s']),
+        ([DEFAULT_CONTROLLER, '--duration', 'nan'], ['duration', 'nan']),
         ([DEFAULT_CONTROLLER, '--figure', 'scores.xyz'], ['scores.xyz', '.png']),
     ],
 )

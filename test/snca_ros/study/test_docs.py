@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from made_up_results import paper_rows, write_results
 
-from docs import concept_pictures, findings_pictures
+from docs import concept_pictures, study_figures
 from docs.concept_pictures import DRAWINGS
 from docs.refresh import DOCS, refreshed
 
@@ -78,12 +78,12 @@ def test_pictures_of_concepts_are_drawn_from_the_model(name):
     assert len(list(ET.fromstring(drawn).iter())) > 20
 
 
-def test_findings_show_each_figure_and_it_is_drawn_from_the_results():
-    drawn = findings_pictures.pictures()
-    shown = re.findall(r'findings/([\w-]+)\.svg', (DOCS / 'findings.md').read_text())
-    assert sorted(shown) == sorted(drawn)
+def test_each_figure_of_a_campaign_is_shown_and_drawn_from_its_results():
+    drawn = study_figures.figures()
+    everything = ''.join(path.read_text() for path in DOCS.glob('*.md'))
+    assert sorted(re.findall(r'figures/([\w/-]+)\.svg', everything)) == sorted(drawn)
     for name, svg in drawn.items():
-        kept = (findings_pictures.PICTURES / f'{name}.svg').read_text()
+        kept = (study_figures.FIGURES / f'{name}.svg').read_text()
         assert texts(kept) == texts(svg), f'make docs: {name}.svg is old'
 
 

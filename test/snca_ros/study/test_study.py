@@ -399,7 +399,7 @@ def test_a_p_value_tells_its_side_of_the_level(p, told):
         (('hilly-0.5-10-0-batched', 'hilly-0.5-10-10-batched'),
          ['hilly-0.5-10-0', 'hilly-0.5-10-10']),
         (('flat-batched-sigma1e-05', 'flat-batched'), ['', 'sigma1e-05']),
-        (('flat-batched-cma', 'uphill-10-batched'), ['flat cma', 'uphill-10']),
+        (('flat-batched-cma', 'uphill-10-batched'), ['flat cma', 'uphill-10 es']),
         (('flat-batched-evaluations90', 'flat-batched'), ['']),
     ],
 )
@@ -416,7 +416,7 @@ def test_types_with_settings_have_rows_of_their_own_in_the_table_of_medians(tmp_
     texts = [e.text for e in ET.fromstring(drawn['medians']).iter() if e.text]
     assert texts.count('9.9') == 3
     assert texts.count('8.8') == 1
-    assert {'U-nD, uphill-10', 'U-nD, flat', 'U-nD, flat cma'} <= set(texts)
+    assert {'U-nD, uphill-10 es', 'U-nD, flat es', 'U-nD, flat cma'} <= set(texts)
 
 
 @pytest.mark.parametrize(

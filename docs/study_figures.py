@@ -1,0 +1,35 @@
+"""Draws the figures of campaigns that documents show into docs/figures/, as `snca study` does."""
+
+from pathlib import Path
+
+from snca_ros.files import write_text
+from snca_ros.study.cases import read_cases
+from snca_ros.study.comparison import draw_all
+from snca_ros.study.contrasts import contrasts, shown_contrasts
+
+ROOT = Path(__file__).resolve().parents[1]
+FIGURES = ROOT / 'docs' / 'figures'
+SHOWN = {
+    'paper-main': ('paper', ('boxes', 'curves', 'frequency', 'luck')),
+    'strategies': ('strategies', ('curves',)),
+}
+"""Campaign to its results folder, and the kinds of figures that are shown of it."""
+
+
+def figures() -> dict[str, str]:
+    """Return the SVG text of every figure by its name, such as paper-main/boxes-biped."""
+    found = {}
+    for campaign, (results, kinds) in SHOWN.items():
+        file = ROOT / 'config' / 'experiments' / f'{campaign}.yaml'
+        cases = read_cases([ROOT / 'results' / results], [file])
+        for kind, shape, svg in draw_all(cases, shown_contrasts(contrasts(cases))):
+            if kind in kinds:
+                found[f'{campaign}/{kind}-{shape}'] = svg
+    return found
+
+
+if __name__ == '__main__':
+    for name, svg in figures().items():
+        path = FIGURES / f'{name}.svg'
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_text(path, svg)
