@@ -44,11 +44,11 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     found = contrasts(cases)
     shown = shown_contrasts(found)
     warned, missing = warnings(cases), missing_runs(cases, args.campaign)
-    tables = [speeds_table(cases), champions_table(cases), vibration_table(cases)]
-    if (factors := factors_table(cases)).rows:
-        tables.append(factors)
+    tables = [
+        speeds_table(cases), champions_table(cases), vibration_table(cases), factors_table(cases),
+    ]
     summary = [
-        *(table.markdown() for table in (*tables, contrasts_table(shown))),
+        *(table.markdown() for table in (*tables, contrasts_table(shown)) if table.rows),
         *told_lines('Warnings', warned), *told_lines('Missing', missing),
     ]
     if args.text:
@@ -59,9 +59,10 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     from snca_ros.study.page import page
 
     figures = draw_all(cases, shown)
+    tables = [table for table in (*tables, contrasts_table(found)) if table.rows]
     files = {f'{kind}-{shape}.svg': svg for kind, shape, svg in figures}
     files['statistics.csv'] = contrasts_csv(found)
-    files['index.html'] = page(cases, missing, warned, [*tables, contrasts_table(found)], figures)
+    files['index.html'] = page(cases, missing, warned, tables, figures)
     output = args.output or args.results[0] / 'study'
     try:
         output.mkdir(parents=True, exist_ok=True)

@@ -371,6 +371,12 @@ def test_architectures_and_neuron_models_are_compared_where_all_else_is_alike(tm
     assert factors_table(cases_of(tmp_path / 'one', rows[0])).rows == []
 
 
+def test_tables_without_rows_are_left_out(tmp_path, capsys):
+    code, out, _ = study(write_results(tmp_path / 'one', [made_up_row()]), '--text', capsys=capsys)
+    assert (code, sum(line.startswith('| ---') for line in out.splitlines())) == (0, 3)
+    assert '**First type' not in out
+
+
 def test_vibrating_runs_are_counted_and_compared_with_the_others(tmp_path):
     numbers = [(4.0, 1.0, 8.0), (4.1, 2.0, 8.0), (15.0, 4.0, 4.0), (20.0, -1.0, 0.0)]
     rows = [
