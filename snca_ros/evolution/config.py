@@ -13,7 +13,7 @@ from sim_node.simulation import Simulation
 from sim_node.solver import Solver, check_engine
 from sim_node.terrain import parse_terrain
 from snca_ros.cell.nca import Architecture
-from snca_ros.evolution.locomotion import EPISODE, TRANSIENT
+from snca_ros.evolution.locomotion import EPISODE, LONGEST, TRANSIENT
 from snca_ros.evolution.strategy import STRATEGIES, Strategy, check_strategy
 from snca_ros.files import read_yaml
 
@@ -59,7 +59,7 @@ class RunConfig:
         _check('seed', self.seed, int, 0, 2**63 - 1)
         _check('population', self.population, int, 4, 100_000)
         _check('sigma', self.sigma, (int, float), 0.0, 100.0)
-        _check('duration', self.duration, (int, float), 0.1, 3600.0)
+        _check('duration', self.duration, (int, float), 0.1, LONGEST)
         _check('transient', self.transient, (int, float), 0.0, self.duration)
         check_engine(self.engine, self.solver)
         check_strategy(self.strategy)

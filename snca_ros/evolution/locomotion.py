@@ -12,6 +12,9 @@ from snca_ros.controller import Controller, step_all, step_all_faulty
 EPISODE, TRANSIENT = 30.0, 5.0
 """Length of an episode [s], and what is discarded at its start [s] (paper, section 4.1)."""
 
+LONGEST = 3600.0
+"""Longest episode that is accepted [s]."""
+
 
 @compiled
 def _walk(world, cells, neighbors, n_steps, disturbance, faults, centers):

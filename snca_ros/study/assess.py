@@ -18,7 +18,7 @@ from sim_node.stamps import CONTROL_RATE
 from sim_node.terrain import UNSEEN_TERRAINS, parse_terrain
 from snca_ros.box import find_controller
 from snca_ros.controller_file import TrainedController, load_controller
-from snca_ros.evolution.locomotion import EPISODE, TRANSIENT, run_episode
+from snca_ros.evolution.locomotion import EPISODE, LONGEST, TRANSIENT, run_episode
 from snca_ros.evolution.workers import Workers, add_worker_arguments, open_workers
 from snca_ros.faults import NO_FAULTS, Faults
 from snca_ros.files import check_writable, write_text
@@ -100,7 +100,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='let a fault grow instead, FROM..TO[..STEP] in place of its number: '
                         'loss=0..0.9..0.1, delay=0..10, death=0..1@5; again for another panel')
     parser.add_argument('--csv', type=Path, metavar='FILE',
-                        help='write a row per episode here, and the means over the terrains')
+                        help='write a row per episode here, and without --faults the means '
+                        'over the terrains')
     parser.add_argument('--figure', type=Path, metavar='FILE',
                         help='picture to draw, .png, .svg or .pdf')
     add_worker_arguments(parser)
@@ -116,8 +117,9 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         args.starts = FAULTY_STARTS if args.faults else 0
     if not 0 <= args.starts <= 10_000:
         raise InvalidInput('starts', args.starts, 'an integer from 0 to 10000')
-    if not TRANSIENT < args.duration < np.inf:
-        raise InvalidInput('duration', args.duration, f'a time above {TRANSIENT:g} s')
+    if not TRANSIENT < args.duration <= LONGEST:
+        expected = f'a time above {TRANSIENT:g} s, up to {LONGEST:g} s'
+        raise InvalidInput('duration', args.duration, expected)
     if args.figure:
         check_figure(args.figure)
     if args.csv:

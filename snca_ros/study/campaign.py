@@ -44,8 +44,8 @@ class Campaign:
     def work(self, workers: Workers) -> None:
         """Perform what waits, as many runs at a time as there are workers.
 
-        When a worker process ends, nobody knows whose fault it was: the runs of then are tried
-        again, half as many at a time, until one ends its process alone; that one has failed.
+        When a local worker process ends, nobody knows whose fault it was: all that were running
+        are tried again, half as many at a time, until one ends its process alone and has failed.
 
         Raises:
             BrokenExecutor, CancelledError: a worker process ended, or the cluster is lost; what
@@ -89,8 +89,8 @@ class Campaign:
         configs = list(self.running.values())
         self.running.clear()
         if a_process_ended and len(configs) == 1 and configs[0].name in self._suspects:
-            reason = 'it ended its worker process twice, once alone (out of memory?)'
-            self._fail(configs[0], reason)
+            self._fail(configs[0], 'it ended its worker process again, alone (out of memory?)')
+            self._suspects.clear()
             return
         self.waiting.extendleft(reversed(configs))
         if a_process_ended:

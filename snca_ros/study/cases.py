@@ -47,9 +47,14 @@ class ControllerType:
 
     def __str__(self) -> str:
         """Return the name that the paper gives it, such as 'U-nD SNN-H'."""
+        return f'{self.architecture} {self.neuron_model.upper()}{self.variant}'
+
+    @property
+    def variant(self) -> str:
+        """Return the end of the name: what is unusual beside architecture and neuron model."""
         printed = ' as printed' if self.as_printed else ''
         settings = f', {self.settings}' if self.settings else ''
-        return f'{self.architecture} {self.neuron_model.upper()}{printed}{settings}'
+        return f'{printed}{settings}'
 
     @property
     def order(self) -> tuple[bool, int, int, str]:

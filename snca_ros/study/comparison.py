@@ -56,7 +56,7 @@ def draw_all(cases: Cases, shown: Sequence[Contrast]) -> list[tuple[str, str, st
     everything = [run for of in cases.values() for runs in of.values() for run in runs]
     speeds = np.concatenate([column_of(everything, measure) for measure in MEASURES])
     found = speeds[np.isfinite(speeds)]
-    lowest, highest = min(0.0, *found), max(0.0, *found) or 1.0
+    lowest, highest = found.min(initial=0.0), found.max(initial=0.0) or 1.0
     figures: list[tuple[str, str, Figure]] = []
     with mpl.rc_context(_STYLE):
         for shape, of_shape in cases.items():
@@ -235,7 +235,7 @@ def _draw_frequencies(
     figure, axes = _panel(shape, width=max(4.4, 0.75 * len(of_shape)))
     for place, (controller, runs) in enumerate(of_shape.items()):
         frequency = np.sort(column_of(runs, 'frequency'))
-        places = place + np.linspace(-0.3, 0.3, len(runs))
+        places = place + 0.6 * ((np.arange(len(runs)) + 0.5) / len(runs) - 0.5)
         axes.plot(places, frequency, 'o', color=colors[controller], markersize=4)
         axes.hlines(np.median(frequency), place - 0.36, place + 0.36, color=INK, linewidth=1.6)
     axes.axhline(VIBRATION, color=INK, linewidth=0.8, linestyle=':')
@@ -253,11 +253,11 @@ def _draw_luck(
     """Draw what the engine of evolution says against what the other and pushed starts say."""
     figure, axes = _panel(shape, 4.0)
     for controller, runs in of_shape.items():
-        chosen, color = column_of(runs, OWN_ENGINE), colors[controller]
+        own, color = column_of(runs, OWN_ENGINE), colors[controller]
         other = column_of(runs, OTHER_ENGINE)
-        axes.plot(chosen, other, 'o', color=color, fillstyle='none', markersize=5)
+        axes.plot(own, other, 'o', color=color, fillstyle='none', markersize=5)
         mean, spread = column_of(runs, 'v_x_starts_mean'), column_of(runs, 'v_x_starts_std')
-        axes.errorbar(chosen, mean, spread, fmt='o', color=color, markersize=4.5, elinewidth=0.8,
+        axes.errorbar(own, mean, spread, fmt='o', color=color, markersize=4.5, elinewidth=0.8,
                       label=_label(controller, runs))
     axes.axline((0.0, 0.0), slope=1.0, color=INK, linewidth=0.8, linestyle=':')
     axes.set(xlabel='v_x at the end of evolution [m/s]', ylabel='v_x elsewhere [m/s]')

@@ -35,7 +35,7 @@ FIGURES = {
         'How lucky the champions are',
         'v_x in the engine in which the controller evolved, against its one episode in the other '
         'engine (rings) and its mean and standard deviation over pushed starts (discs). On the '
-        'dotted line both are the same; what lies below it was luck.',
+        'dotted line both are the same; discs below it were luck.',
     ),
 }
 """Kind of figure to its heading and caption."""

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from sim_node.errors import InvalidInput
 from snca_ros.controller_file import TrainedController
+from snca_ros.evolution.locomotion import EPISODE
 from snca_ros.evolution.workers import Workers
 from snca_ros.faults import Faults, parse_faults
 from snca_ros.study.assess import Trial, run_trials, summary, write_csv
@@ -82,8 +83,8 @@ def assess_faults(
     scores = []
     with opened as workers:
         for sweep in sweeps:
-            trials = sweep_trials(trained, sweep, terrains, args.engine, n_starts)
-            v_x = run_trials(workers, [replace(t, duration=args.duration) for t in trials])
+            trials = sweep_trials(trained, sweep, terrains, args.engine, n_starts, args.duration)
+            v_x = run_trials(workers, trials)
             shape = len(trained), len(sweep.values), n_starts, len(terrains)
             scores.append(v_x.reshape(shape).mean(axis=3))
             print('\n'.join(table(args.controllers, sweep, scores[-1])), end='\n\n', flush=True)
@@ -106,13 +107,14 @@ def sweep_trials(
     terrains: Sequence[str],
     engine: str,
     n_starts: int,
+    duration: float = EPISODE,
 ) -> list[Trial]:
     """Return the episodes of a sweep, by controller, value, start and terrain.
 
     Start s draws its faults from the seed that the sweep names plus s.
     """
     return [
-        Trial(one, terrain, engine, start, replace(faults, seed=faults.seed + start))
+        Trial(one, terrain, engine, start, replace(faults, seed=faults.seed + start), duration)
         for one, faults, start, terrain in product(
             trained, sweep.faults, range(n_starts), terrains
         )

@@ -90,17 +90,17 @@ def vibration_table(cases: Cases) -> Table:
     """Return how many runs of each case vibrate, and what those and the others keep of v_x.
 
     Kept is the share of v_x at the end of evolution that is left on unseen terrains. Runs whose
-    robots do not walk forwards count in neither.
+    robots do not walk forwards are left out of the medians.
     """
     rows = []
     for shape, of_shape in cases.items():
         for controller, runs in of_shape.items():
             frequency = column_of(runs, 'frequency')
-            fast = [run for run, f in zip(runs, frequency, strict=True) if f > VIBRATION]
+            fast = [run for run in runs if run.value('frequency') > VIBRATION]
+            slow = [run for run in runs if not run.value('frequency') > VIBRATION]
             rows.append([
                 shape, str(controller), f'{frequency.min():.2f} to {frequency.max():.2f}',
-                f'{len(fast)} of {len(runs)}',
-                *(_told_pace(group) for group in (fast, [r for r in runs if r not in fast])),
+                f'{len(fast)} of {len(runs)}', _told_pace(fast), _told_pace(slow),
             ])
     header = ['shape', 'controller', 'frequency [Hz]', f'above {VIBRATION:g} Hz',
               'v_x [m/s] and share kept of those', 'of the others']
@@ -124,14 +124,15 @@ def factors_table(cases: Cases) -> Table:
     for of_shape in cases.values():
         for first, second in combinations(of_shape, 2):
             if second == replace(first, architecture=second.architecture):
-                names = first.architecture, second.architecture, first.neuron_model.upper()
+                alike = first.neuron_model.upper()
+                names = first.architecture, second.architecture
             elif second == replace(first, neuron_model=second.neuron_model):
-                models = first.neuron_model.upper(), second.neuron_model.upper()
-                names = *models, first.architecture
+                alike = first.architecture
+                names = first.neuron_model.upper(), second.neuron_model.upper()
             else:
                 continue
             larger = [_median(of_shape[first], m) > _median(of_shape[second], m) for m in MEASURES]
-            found.setdefault(names, []).append(larger)
+            found.setdefault((*names, f'{alike}{first.variant}'), []).append(larger)
     rows = [
         [*names, str(len(larger)), *map(str, np.sum(larger, axis=0))]
         for names, larger in sorted(found.items())

@@ -371,6 +371,21 @@ def test_architectures_and_neuron_models_are_compared_where_all_else_is_alike(tm
     assert factors_table(cases_of(tmp_path / 'one', rows[0])).rows == []
 
 
+def test_types_with_settings_are_compared_with_their_like(tmp_path):
+    rows = [
+        made_up_row('biped', architecture, 'snn', settings=f'{terrain}-batched')
+        for terrain in ('flat', 'uphill-10') for architecture in ('U-D', 'nU-D')
+    ]
+    assert [row[:4] for row in factors_table(cases_of(tmp_path, *rows)).rows] == [
+        ['U-D', 'nU-D', 'SNN, flat', '1'], ['U-D', 'nU-D', 'SNN, uphill-10', '1'],
+    ]
+
+
+def test_robots_that_all_diverged_can_be_drawn(tmp_path):
+    speeds = dict.fromkeys(('v_x', 'v_x_pymunk', 'v_x_unseen', 'v_x_starts_mean'), -np.inf)
+    assert len(draw_all(cases_of(tmp_path, made_up_row(**speeds)), [])) == 5
+
+
 def test_tables_without_rows_are_left_out(tmp_path, capsys):
     code, out, _ = study(write_results(tmp_path / 'one', [made_up_row()]), '--text', capsys=capsys)
     assert (code, sum(line.startswith('| ---') for line in out.splitlines())) == (0, 3)
