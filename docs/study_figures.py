@@ -11,6 +11,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FIGURES = ROOT / 'docs' / 'figures'
 SHOWN = {
     'paper-main': ('paper', ('boxes', 'curves', 'frequency', 'luck')),
+    'paper-supplement': ('paper', ('medians',)),
     'strategies': ('strategies', ('curves',)),
 }
 """Campaign to its results folder, and the kinds of figures that are shown of it."""
