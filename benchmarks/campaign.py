@@ -19,6 +19,7 @@ from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evolve import evolve
 from snca_ros.evolution.workers import IN_PROCESS
 from snca_ros.study.campaign_file import read_campaign
+from snca_ros.study.cases import ControllerType
 
 EXPERIMENTS = Path(__file__).parents[1] / 'config' / 'experiments'
 CORES = 2, 64, 1000
@@ -27,7 +28,7 @@ CORES = 2, 64, 1000
 def case_of(config: RunConfig) -> str:
     """Return what the runs of a case have in common."""
     cell = config.architecture
-    return f'{config.shape} {cell.name} {cell.neuron_model.upper()}'
+    return f'{config.shape} {ControllerType(cell.name, cell.neuron_model)}'
 
 
 def rate(config: RunConfig, generations: int) -> float:

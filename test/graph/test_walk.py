@@ -123,7 +123,7 @@ def test_killed_voxel_is_started_again(start, make_controller, tmp_path):
     assert child.returncode == 0, output
     assert 'voxel_node voxel_0_1 ended with code -9: started again' in output
     assert '1801 positions of the centre, the same until step' in output
-    assert lost_in_total(output) == 0
+    assert lost_in_total(output) == 0, output
 
 
 def lost_in_total(output):
