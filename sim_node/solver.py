@@ -1,8 +1,9 @@
-"""Which engine solves a control step, and how finely."""
+"""Which engine solves a control step, by which physics, and how finely."""
 
 from dataclasses import dataclass
 
 from sim_node.errors import InvalidInput, check_keys, check_name
+from sim_node.physics import DEFAULT_PHYSICS, PHYSICS, UNNAMED_PHYSICS, Physics
 
 ENGINES = ('pymunk', 'batched')
 """pymunk steps any scene; batched, the same algorithm in SIMD lanes, what evolution needs."""
@@ -16,11 +17,13 @@ class Solver:
         substeps: physics steps per control step.
         iterations: sweeps of the impulse solver per physics step.
         self_collision: whether masses of one robot collide with each other.
+        physics: one of `sim_node.physics.PHYSICS`.
     """
 
     substeps: int = 1
     iterations: int = 10
     self_collision: bool = False
+    physics: str = DEFAULT_PHYSICS
 
     def __post_init__(self) -> None:
         for name, high in (('substeps', 100), ('iterations', 1000)):
@@ -29,12 +32,24 @@ class Solver:
                 raise InvalidInput(f'solver.{name}', value, f'an integer from 1 to {high}')
         if not isinstance(self.self_collision, bool):
             raise InvalidInput('solver.self_collision', self.self_collision, 'true or false')
+        check_name('solver.physics', self.physics, PHYSICS)
+
+    @property
+    def rules(self) -> Physics:
+        """Return the physics that the name stands for."""
+        return PHYSICS[self.physics]
 
     @classmethod
     def from_dict(cls, values: dict) -> 'Solver':
-        """Return the solver with `values` in place of defaults; InvalidInput if one is off."""
+        """Return the solver that a file describes: `values` in place of defaults.
+
+        A file that names no physics is older than the names, and has `UNNAMED_PHYSICS`.
+
+        Raises:
+            InvalidInput: a key or value is off.
+        """
         check_keys('solver', values, list(cls.__dataclass_fields__))
-        return cls(**values)
+        return cls(**{'physics': UNNAMED_PHYSICS, **values})
 
 
 def check_engine(engine: object, solver: Solver) -> None:

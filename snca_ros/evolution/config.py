@@ -9,6 +9,7 @@ import yaml
 from sim_node.errors import InvalidInput, check_keys
 from sim_node.material import Material
 from sim_node.morphology import parse_morphology
+from sim_node.physics import UNNAMED_PHYSICS
 from sim_node.simulation import Simulation
 from sim_node.solver import Solver, check_engine
 from sim_node.terrain import parse_terrain
@@ -79,7 +80,10 @@ class RunConfig:
 
     @property
     def name(self) -> str:
-        """Return what the run is, in one word: all but its material and its solver."""
+        """Return what the run is, in one word: all but its material, sub-steps and iterations.
+
+        Names from before there were two physics name none.
+        """
         cell = self.architecture
         usual = Architecture(cell.uniform, cell.directional, cell.neuron_model, cell.n_c)
         parts = [self.shape, cell.name, cell.neuron_model]
@@ -94,6 +98,8 @@ class RunConfig:
             parts.append(self.engine)
         if self.strategy != 'es':
             parts.append(self.strategy)
+        if self.solver.physics != UNNAMED_PHYSICS:
+            parts.append(self.solver.physics)
         for key in ('evaluations', 'population', 'sigma', 'duration', 'transient'):
             value = getattr(self, key)
             if value != type(self).__dataclass_fields__[key].default:

@@ -13,7 +13,8 @@ import numpy as np
 
 from sim_node.errors import InvalidInput
 from sim_node.morphology import SHAPES
-from sim_node.solver import ENGINES
+from sim_node.physics import DEFAULT_PHYSICS, PHYSICS
+from sim_node.solver import ENGINES, Solver
 from snca_ros.cell.nca import ARCHITECTURES, NEURON_MODELS, Architecture
 from snca_ros.evolution.checkpoint import Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
@@ -144,6 +145,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     new.add_argument('--population', type=int, help='individuals per generation (default 36)')
     new.add_argument('--sigma', type=float, help='spread of the children (default 0.35)')
     new.add_argument('--engine', help=f'{", ".join(ENGINES)}: what scores (default pymunk)')
+    new.add_argument('--physics', help=f'{", ".join(PHYSICS)} (default {DEFAULT_PHYSICS})')
     new.add_argument('--duration', type=float, help='seconds of an episode (default 30)')
     new.add_argument('--transient', type=float, help='seconds not scored (default 5)')
     parser.add_argument('--run', type=Path, help='run folder (default runs/<what it is>)')
@@ -156,6 +158,7 @@ _OF_THE_RUN = (
     'terrain', 'evaluations', 'seed', 'population', 'sigma', 'duration', 'transient', 'engine',
     'strategy',
 )
+_OF_THE_SOLVER = ('physics',)
 
 
 def _given(args: argparse.Namespace, names: tuple[str, ...]) -> dict:
@@ -169,7 +172,10 @@ def _new_config(args: argparse.Namespace) -> RunConfig:
     architecture = Architecture.named(
         args.architecture or 'U-nD', args.neuron_model or 'snn-h', **cell
     )
-    return RunConfig(args.shape or 'biped', architecture, **_given(args, _OF_THE_RUN))
+    return RunConfig(
+        args.shape or 'biped', architecture,
+        solver=Solver(**_given(args, _OF_THE_SOLVER)), **_given(args, _OF_THE_RUN),
+    )
 
 
 def _hidden_layers(text: str) -> tuple:
@@ -181,7 +187,8 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Evolve as the command line says; return the exit code."""
     opened = open_workers(args, parser)
     if args.resume:
-        options = ('shape', 'architecture', 'neuron_model', *_OF_THE_CELL, *_OF_THE_RUN, 'run')
+        options = ('shape', 'architecture', 'neuron_model', *_OF_THE_CELL, *_OF_THE_RUN,
+                   *_OF_THE_SOLVER, 'run')
         extra = _given(args, options)
         if extra:
             option = next(iter(extra)).replace('_', '-')

@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from sim_node.errors import InvalidInput, check_keys
+from sim_node.physics import DEFAULT_PHYSICS
+from sim_node.solver import Solver
 from snca_ros.cell.nca import Architecture
 from snca_ros.evolution.config import RunConfig
 from snca_ros.files import read_yaml
@@ -13,7 +15,7 @@ from snca_ros.files import read_yaml
 _NEEDED = ('shape', 'architecture', 'neuron_model')
 _KEYS = (
     *_NEEDED, 'as_printed', 'terrain', 'evaluations', 'seed', 'population', 'sigma',
-    'duration', 'transient', 'engine', 'strategy',
+    'duration', 'transient', 'engine', 'strategy', 'physics',
 )
 
 
@@ -64,7 +66,8 @@ def _product(values: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _run(
-    shape: Any, architecture: Any, neuron_model: Any, as_printed: Any = False, **options: Any
+    shape: Any, architecture: Any, neuron_model: Any, as_printed: Any = False,
+    physics: Any = DEFAULT_PHYSICS, **options: Any,
 ) -> RunConfig:
     cells = Architecture.named(architecture, neuron_model, as_printed=as_printed)
-    return RunConfig(shape, cells, **options)
+    return RunConfig(shape, cells, solver=Solver(physics=physics), **options)
