@@ -136,7 +136,9 @@ def compiled_kernel(function: Callable) -> Callable:
 
 def compiled_callback(signature: Any) -> Callable:
     """Compile a function that C code can call; its `address` is the function pointer."""
-    return lambda function: _cached(lambda: numba.cfunc(signature, cache=True)(function))
+    return lambda function: _cached(
+        lambda: numba.cfunc(signature, cache=True, error_model='numpy')(function)
+    )
 
 
 def warm_up(name: str, run: Callable[[], object]) -> None:

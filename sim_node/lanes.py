@@ -150,10 +150,10 @@ def any_lane(typing, mask):
 
 @intrinsic
 def like(typing, lanes, value):
-    """Return `value`, a plain number, in as many lanes as `lanes` has."""
+    """Return `value`, a plain number, in as many lanes as `lanes` has; itself if it is a number."""
 
     def generate(context, builder, signature, args):
-        return _broadcast(builder, args[1], _vector(lanes))
+        return _broadcast(builder, args[1], args[0].type)
 
     return lanes(lanes, types.float64), generate
 

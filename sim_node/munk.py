@@ -23,6 +23,9 @@ _VECTOR = _REAL, _REAL
 _VOID: Any = types.void
 _POINTER: Any = types.CPointer(_HANDLE)
 
+STEP_CALLBACK = _VOID(_HANDLE, _REAL)
+"""Signature of functions that Munk2D calls with a body or constraint and the step [s]."""
+
 
 def _function(name: str, result: Any, *arguments: Any) -> Any:
     """Declare a function of pymunk's library to the compiler, by name and signature."""
@@ -43,6 +46,8 @@ space_free = _function('cpSpaceFree', _VOID, _HANDLE)
 
 body_new = _function('cpBodyNew', _HANDLE, _REAL, _REAL)
 body_set_position = _function('cpBodySetPosition', _VOID, _HANDLE, *_VECTOR)
+body_set_position_function = _function('cpBodySetPositionUpdateFunc', _VOID, _HANDLE, _HANDLE)
+body_update_position = _function('cpBodyUpdatePosition', _VOID, _HANDLE, _REAL)
 body_each_arbiter = _function('cpBodyEachArbiter', _VOID, _HANDLE, _HANDLE, _HANDLE)
 body_free = _function('cpBodyFree', _VOID, _HANDLE)
 arbiter_get_bodies = _function('cpArbiterGetBodies', _VOID, _HANDLE, _HANDLE, _HANDLE)
@@ -108,6 +113,17 @@ def store_real(typing, address, value):
     return _VOID(_HANDLE, _REAL), generate
 
 
+@intrinsic
+def record_at(typing, address, record):
+    """Return the record of a type (as of `numba.from_dtype`) at an address."""
+    kind = record.instance_type
+
+    def generate(context, builder, signature, args):
+        return builder.inttoptr(args[0], context.get_value_type(kind))
+
+    return kind(_HANDLE, record), generate
+
+
 READ_BODY = _address('pmSpaceBodyGetIteratorFuncBatched')
 """Address of the iterator that copies the chosen fields of each body into a batch."""
 
@@ -125,6 +141,14 @@ def _note_contact(body, arbiter, data):
     if cells[2] == cells[0] or cells[3] == cells[0]:
         cells[1] = 1
 
+
+@compiled_callback(STEP_CALLBACK)
+def _stay(body, dt):
+    """Do nothing, in place of moving a body: `simulation` moves it at the end of a step."""
+
+
+STAY = _stay.address
+"""Address of the position function of bodies that Munk2D's own step is not to move."""
 
 NOTE_CONTACT = _note_contact.address
 """Address of the iterator that notes whether a body touches the ground."""

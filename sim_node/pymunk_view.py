@@ -8,6 +8,7 @@ import pymunk
 from pymunk._chipmunk import ffi, lib
 
 from sim_node.munk import handle
+from sim_node.soft_spring import SPRING, is_soft, layout_of
 from sim_node.space import Space
 
 
@@ -17,6 +18,7 @@ def pymunk_view(space: Space) -> pymunk.Space:
     What is read is read from Munk2D and what is set is set there; only adding and removing is not
     for a view. The space lives as long as any object of the view. Every shape is shown as a
     polygon, which is what `Space` makes; queries that return shapes find the latest view's.
+    In the reference's physics a step of the view moves no body: `Simulation.step` does.
     """
     def hold(pointer: Any) -> Any:
         return ffi.gc(pointer, lambda _: space)  # frees nothing; keeps the space alive
@@ -57,8 +59,32 @@ def _each(view: pymunk.Space, iterate: Callable, append: Any) -> list:
 def _constraint(pointer: Any, a: pymunk.Body, b: pymunk.Body) -> pymunk.Constraint:
     """Return a constraint of the pointer's kind; its numbers do not matter."""
     zero = (0.0, 0.0)
+    if is_soft(pointer):
+        return SoftSpring(a, b, zero, zero, 0.0, 0.0, 0.0)
     if lib.cpConstraintIsDampedSpring(pointer):
         return pymunk.DampedSpring(a, b, zero, zero, 0.0, 0.0, 0.0)
     if lib.cpConstraintIsSlideJoint(pointer):
         return pymunk.SlideJoint(a, b, zero, zero, 0.0, 0.0)
     return pymunk.PivotJoint(a, b, zero, zero)
+
+
+def _field(name: str, text: str) -> Any:
+    """Return a property that reads and writes a field of the spring's struct."""
+    def read(spring: pymunk.Constraint) -> Any:
+        value = layout_of(spring._constraint, SPRING)[name][0]
+        return float(value) if value.ndim == 0 else pymunk.Vec2d(*value.tolist())
+
+    def write(spring: pymunk.Constraint, value: Any) -> None:
+        layout_of(spring._constraint, SPRING)[name][0] = value
+
+    return property(read, write, doc=text)
+
+
+class SoftSpring(pymunk.DampedSpring):
+    """A spring of the reference's physics: Munk2D's own functions take it for no damped spring."""
+
+    anchor_a = _field('anchor_a', 'Anchor on body a [m].')
+    anchor_b = _field('anchor_b', 'Anchor on body b [m].')
+    rest_length = _field('rest', 'Length at rest [m].')
+    stiffness = _field('stiffness', 'Stiffness [N/m].')
+    damping = _field('damping', 'Damping [N s/m].')

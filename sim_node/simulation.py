@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_node import munk
+from sim_node.batched.collision import touches_ground
+from sim_node.batched.ground import polygon_rows
 from sim_node.batched.robots import OneRobot, Robots, one_robot
 from sim_node.body import build_body, pushed
 from sim_node.compiled import compiled
@@ -45,6 +47,7 @@ class World(NamedTuple):
     actuation: np.ndarray  # (n_voxels,) as set in the springs now
     dt: float  # physics step [s]
     substeps: int
+    current_poses: bool  # bodies move at the end of a physics step, not at the start of the next
     read_body: int  # addresses of the iterators that `sense` hands to Munk2D
     note_contact: int
     batch: int  # handle of the body reader
@@ -53,6 +56,8 @@ class World(NamedTuple):
     contact: np.ndarray  # (4,) ground's handle, touching flag, scratch
     half_side: float  # of a mass [m]
     rest_area: float  # [m^2]
+    polygons: np.ndarray  # (n_polygons, 8) of the ground, see `polygon_rows`
+    left_sides: np.ndarray  # (n_polygons,) x [m], increasing
     corners: np.ndarray  # (n_voxels, 4, 2) outer corners [m]
     area_ratios: np.ndarray  # (n_voxels,)
     touching: np.ndarray  # (n_voxels,) 0.0 or 1.0
@@ -78,6 +83,29 @@ def set_rest_lengths(world, actuation):
 
 
 @compiled
+def step_physics(world):
+    """Advance the physics by one physics step."""
+    munk.space_step(world.space, world.dt)
+    if world.current_poses:
+        for i in range(world.bodies.shape[0]):
+            munk.body_update_position(world.bodies[i], world.dt)
+
+
+@compiled
+def _touches(world, voxel):
+    """Tell whether one of a voxel's masses touches the ground, at the poses that were read."""
+    if world.current_poses:
+        for i in range(4 * voxel, 4 * voxel + 4):
+            if touches_ground(world.masses[i], world.half_side, world.polygons, world.left_sides):
+                return True
+        return False
+    world.contact[1] = 0
+    for i in range(4 * voxel, 4 * voxel + 4):
+        munk.body_each_arbiter(world.bodies[i], world.note_contact, world.contact.ctypes.data)
+    return world.contact[1] != 0
+
+
+@compiled
 def sense(world, step):
     """Read the bodies and write sensor readings; return False if the physics diverged.
 
@@ -89,12 +117,7 @@ def sense(world, step):
     for i in range(world.readings.shape[0]):
         voxel = world.masses[4 * i : 4 * i + 4]
         world.area_ratios[i] = polygon_area(world.corners[i]) / world.rest_area
-        world.contact[1] = 0
-        for j in range(4 * i, 4 * i + 4):
-            munk.body_each_arbiter(
-                world.bodies[j], world.note_contact, world.contact.ctypes.data
-            )
-        world.touching[i] = float(world.contact[1])
+        world.touching[i] = 1.0 if _touches(world, i) else 0.0
         measure(
             voxel,
             step,
@@ -126,7 +149,7 @@ def advance(world, actuation, step, disturbance, row):
     before = world.readings.copy() if disturbance.sensors.shape[1] > 0 else world.readings
     set_rest_lengths(world, actuation)
     for _ in range(world.substeps):
-        munk.space_step(world.space, world.dt)
+        step_physics(world)
     finite = sense(world, step)
     disturb_readings(world.readings, before, disturbance, row)
     return finite
@@ -199,6 +222,7 @@ class Simulation:
         else:
             self._body = pushed(build_body(morphology, terrain, self.material), push)
             self._ground = terrain.polygons
+            self._polygons = polygon_rows(self._ground)
         self.step_count = 0
         self.reset()
 
@@ -232,6 +256,7 @@ class Simulation:
             actuation=np.zeros(n),
             dt=1.0 / CONTROL_RATE / self.solver.substeps,
             substeps=self.solver.substeps,
+            current_poses=self.solver.rules.current_poses,
             read_body=munk.READ_BODY,
             note_contact=munk.NOTE_CONTACT,
             batch=reader.batch,
@@ -240,6 +265,8 @@ class Simulation:
             contact=np.array([space.ground, 0, 0, 0], dtype=np.uintp),
             half_side=m.mass_side / 2.0,
             rest_area=m.side**2,
+            polygons=self._polygons,
+            left_sides=np.ascontiguousarray(self._ground[:, 0, 0]),
             corners=np.zeros((n, 4, 2)),
             area_ratios=np.zeros(n),
             touching=np.zeros(n),

@@ -8,6 +8,11 @@ from sim_node.physics import DEFAULT_PHYSICS, PHYSICS, UNNAMED_PHYSICS, Physics
 ENGINES = ('pymunk', 'batched')
 """pymunk steps any scene; batched, the same algorithm in SIMD lanes, what evolution needs."""
 
+SELF_COLLISION = (False, True, 'reference')
+"""Which masses of one robot collide: none; all that no weld joins, by the material's friction and
+restitution squared; or, as in 2D-VSR-Sim, all that no constraint joins, with friction 10 and
+restitution 0.1."""
+
 
 @dataclass(frozen=True)
 class Solver:
@@ -16,13 +21,14 @@ class Solver:
     Attributes:
         substeps: physics steps per control step.
         iterations: sweeps of the impulse solver per physics step.
-        self_collision: whether masses of one robot collide with each other.
+        self_collision: whether masses of one robot collide with each other: one of
+            `SELF_COLLISION`.
         physics: one of `sim_node.physics.PHYSICS`.
     """
 
     substeps: int = 1
     iterations: int = 10
-    self_collision: bool = False
+    self_collision: bool | str = False
     physics: str = DEFAULT_PHYSICS
 
     def __post_init__(self) -> None:
@@ -30,8 +36,10 @@ class Solver:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= high:
                 raise InvalidInput(f'solver.{name}', value, f'an integer from 1 to {high}')
-        if not isinstance(self.self_collision, bool):
-            raise InvalidInput('solver.self_collision', self.self_collision, 'true or false')
+        value = self.self_collision
+        if not isinstance(value, (bool, str)) or value not in SELF_COLLISION:
+            expected = f'true, false or {SELF_COLLISION[-1]}'
+            raise InvalidInput('solver.self_collision', value, expected)
         check_name('solver.physics', self.physics, PHYSICS)
 
     @property
@@ -57,4 +65,4 @@ def check_engine(engine: object, solver: Solver) -> None:
     check_name('engine', engine, ENGINES)
     if engine == 'batched' and solver.self_collision:
         expected = 'false with the batched engine; the pymunk engine has self-collision'
-        raise InvalidInput('solver.self_collision', True, expected)
+        raise InvalidInput('solver.self_collision', solver.self_collision, expected)

@@ -10,7 +10,10 @@ A polygon is (x0, x1, y0, y1, y2, tx, ty): corners (x0, y0) and (x1, y1) on top,
 of its angle, half its side.
 """
 
-from sim_node.compiled import inlined_part
+import numpy as np
+
+from sim_node.compiled import compiled, inlined_part
+from sim_node.elementary import sine_cosine
 from sim_node.lanes import like, select
 
 _TINY = 2.2250738585072014e-308  # keeps a division by zero finite, as in Munk2D
@@ -23,6 +26,32 @@ def polygon_from(polygons, p, x, y):
         polygons[p, 0] - x, polygons[p, 1] - x, polygons[p, 2] - y, polygons[p, 3] - y,
         polygons[p, 4] - y, polygons[p, 5], polygons[p, 6],
     )
+
+
+@compiled
+def touches_ground(mass, half, polygons, left_sides):
+    """Tell whether one square touches the ground, by the arithmetic of the lanes.
+
+    Args:
+        mass: (5,) x, y [m], angle [rad], ...
+        half: half its side [m].
+        polygons: (n, 8) rows of `polygon_rows`.
+        left_sides: (n,) x [m], increasing.
+    """
+    x, y = mass[0], mass[1]
+    s, c = sine_cosine(mass[2])
+    square, reach = (c, s, half), 1.5 * half
+    first = max(np.searchsorted(left_sides, x - reach, 'right') - 1, 0)
+    for p in range(first, np.searchsorted(left_sides, x + reach, 'right')):
+        polygon = polygon_from(polygons, p, x, y)
+        gaps = gaps_of_ground(polygon, square)
+        if gaps[0] <= 0.0 and gaps[1] <= 0.0 and gaps[2] <= 0.0:
+            nx, ny, gap = widest_gap(polygon, square, gaps)
+            if gap <= 0.0:
+                one, two = contact_points(polygon, square, nx, ny)
+                if one[2] <= 0.0 or two[2] <= 0.0:
+                    return True
+    return False
 
 
 @inlined_part

@@ -6,8 +6,6 @@ and take over the impulses that the same point had, if mass and polygon touched 
 three steps.
 """
 
-import numpy as np
-
 from sim_node.batched.broad_phase import left_box, near_polygons
 from sim_node.batched.collision import contact_points, gaps_of_ground, polygon_from, widest_gap
 from sim_node.batched.group import BIAS_X, COS, NX, NY, POLYGON, RANK, SIN, STAMP, TURN, WARM, X, Y
@@ -21,9 +19,6 @@ POINTS = 7, 17
 ARM_N, ARM_T, MASS_N, MASS_T, BIAS, BOUNCE, IMPULSE_N, IMPULSE_T, IMPULSE_BIAS, KEY = range(10)
 """Fields of a point: lever arms about the mass's centre and effective masses along normal and
 tangent, velocity that mends the overlap, velocity to bounce off with, impulses, corners."""
-
-SLOP = float(np.float32(0.1))
-"""Depth [m] of an overlap that Munk2D leaves alone."""
 
 _PERSISTENCE = 3
 
@@ -151,7 +146,7 @@ def _prepare(group, row, point, touch, normal, found, old, velocity):
     jn = select(old[0][0] == key, old[0][1], 0.0)
     jt = select(old[0][0] == key, old[0][2], 0.0)
     jn, jt = select(old[1][0] == key, old[1][1], jn), select(old[1][0] == key, old[1][2], jt)
-    overlap = min(depth + SLOP, 0.0)
+    overlap = min(depth + group.slop, 0.0)
     group.deep[0] = group.deep[0] or any_lane(touch & (overlap < 0.0))
     _put(contacts, row, point + ARM_N, touch, arm_n)
     _put(contacts, row, point + ARM_T, touch, arm_t)

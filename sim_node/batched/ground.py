@@ -15,6 +15,17 @@ def most_at_once(ground: np.ndarray, length: float) -> int:
     return int((np.searchsorted(starts, ends + length, side='right') - np.arange(len(ends))).max())
 
 
+def polygon_rows(ground: np.ndarray) -> np.ndarray:
+    """Return (n, 8): left and right x, top y at both, base y [m], the top's normal, rank.
+
+    The rank is the place in the order in which Munk2D's broad phase meets the polygons.
+    """
+    (left, base), (right, _), (_, y1), (_, y0) = ground.transpose(1, 2, 0)
+    length = np.hypot(right - left, y1 - y0)
+    normal = (y0 - y1) / length, (right - left) / length
+    return np.column_stack([left, right, y0, y1, base, *normal, query_order(ground)])
+
+
 def query_order(ground: np.ndarray) -> np.ndarray:
     """Return each polygon's rank in the order in which Munk2D's broad phase meets the ground.
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_node.batched.ground import most_at_once, query_order
+from sim_node.batched.ground import most_at_once, polygon_rows
 from sim_node.body import LIMIT, SPRING, WELD, Body
 from sim_node.lanes import zeros
 from sim_node.material import Material
@@ -40,6 +40,9 @@ class Group(NamedTuple):
 
     substeps: int
     iterations: int
+    implicit_springs: bool  # see `sim_node.physics`
+    current_poses: bool
+    slop: float  # depth [m] of an overlap that contacts leave alone
     dt: float  # physics step [s]
     damping: float  # factor on all velocities per step
     fall: float  # gravity's change of velocity per step [m/s]
@@ -51,19 +54,19 @@ class Group(NamedTuple):
     rest_area: float  # of a voxel [m^2]
 
     spring_ends: np.ndarray  # (n_springs, 2) masses
-    spring_table: np.ndarray  # (n_springs, 9) see `_spring_rows`
+    spring_table: np.ndarray  # (n_springs, 10) see `_spring_rows`
     limit_ends: np.ndarray  # (n_limits, 2) masses
     limits_table: np.ndarray  # (n_limits,) least distance [m]
     weld_ends: np.ndarray  # (n_welds, 2) masses, the same for 2 k and 2 k + 1
     weld_anchors: np.ndarray  # (n_welds, 4) [m]
-    polygons: np.ndarray  # (n_polygons, 8) see `_polygon_rows`
+    polygons: np.ndarray  # (n_polygons, 8) see `polygon_rows`
     left_sides: np.ndarray  # (n_polygons,) x [m], increasing
     slots: int  # contacts of a mass: with polygon p in slot p % slots
 
     step_count: np.ndarray  # (1,) physics steps
     actuation: np.ndarray  # lanes (n_voxels, 1) in [-1, 1]
     masses: np.ndarray  # lanes (n_masses, 11)
-    springs: np.ndarray  # lanes (n_springs, 7), see `springs`
+    springs: np.ndarray  # lanes (n_springs, 8), see `springs`
     limits: np.ndarray  # lanes (n_limits, 4), see `joints`
     active: np.ndarray  # (n_limits + n_voxels,) in some lane, per limit and per voxel
     welds: np.ndarray  # lanes (n_welds, 11)
@@ -115,6 +118,9 @@ def make_group(
     return Group(
         substeps=solver.substeps,
         iterations=solver.iterations,
+        implicit_springs=solver.rules.implicit_springs,
+        current_poses=solver.rules.current_poses,
+        slop=solver.rules.slop,
         dt=dt,
         damping=math.exp(-material.damping) ** dt,
         fall=material.gravity * dt,
@@ -130,13 +136,13 @@ def make_group(
         limits_table=table.rest[limits],
         weld_ends=table.ends[welds].astype(np.int64),
         weld_anchors=table.anchors[welds],
-        polygons=_polygon_rows(ground),
+        polygons=polygon_rows(ground),
         left_sides=np.ascontiguousarray(ground[:, 0, 0]),
         slots=slots,
         step_count=np.zeros(1),
         actuation=actuation,
         masses=masses,
-        springs=zeros((len(springs), 7), width),
+        springs=zeros((len(springs), 8), width),
         limits=zeros((len(limits), 4), width),
         active=np.zeros(len(limits) + n_voxels, dtype=np.bool_),
         welds=zeros((len(welds), 11), width),
@@ -179,22 +185,12 @@ def put_down(group: Group, body: Body) -> None:
 
 
 def _spring_rows(body: Body, springs: np.ndarray, dt: float, mass: float) -> np.ndarray:
-    """Return (n, 9): anchors [m], lengths at rest [m], stiffness and damping times dt over mass.
+    """Return (n, 10): anchors [m], lengths at rest [m], stiffness and damping times dt over mass.
 
-    The three lengths are those at full contraction, at rest and at full expansion.
+    The three lengths are those at full contraction, at rest and at full expansion. Last is the
+    softness of an implicit spring, gamma times the mass, see `springs`.
     """
     table = body.constraints
-    return np.column_stack([
-        table.anchors[springs],
-        body.rest_lengths.T,
-        table.stiffness[springs] * dt / mass,
-        table.damping[springs] * dt / mass,
-    ])
-
-
-def _polygon_rows(ground: np.ndarray) -> np.ndarray:
-    """Return (n, 8): left and right x, top y at both, base y, the top's normal, rank."""
-    (left, base), (right, _), (_, y1), (_, y0) = ground.transpose(1, 2, 0)
-    length = np.hypot(right - left, y1 - y0)
-    normal = (y0 - y1) / length, (right - left) / length
-    return np.column_stack([left, right, y0, y1, base, *normal, query_order(ground)])
+    pull, drag = table.stiffness[springs] * dt / mass, table.damping[springs] * dt / mass
+    softness = 1.0 / (drag + dt * pull)
+    return np.column_stack([table.anchors[springs], body.rest_lengths.T, pull, drag, softness])

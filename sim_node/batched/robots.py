@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sim_node.batched.contacts import find_contacts
 from sim_node.batched.group import Group, make_group, put_down
 from sim_node.batched.sensing import sense
 from sim_node.batched.step import physics_step
@@ -30,6 +31,8 @@ def advance_group(group, step):
             group.actuation_lanes[i, 0, lane] = min(max(a, -1.0), 1.0)
     for _ in range(group.substeps if step > 0 else 0):
         physics_step(group)
+    if step == 0 and group.current_poses:
+        find_contacts(group)
     sense(group, step)
 
 

@@ -1,4 +1,8 @@
-"""Damped springs (Chipmunk's cpDampedSpring): the force once before a step, damping in sweeps."""
+"""Springs, explicit (Chipmunk's cpDampedSpring) or implicit (a soft constraint, as in dyn4j).
+
+An explicit spring pulls once before a step, and its damping acts in the sweeps. Of an implicit one
+both act in the sweeps, by the same arithmetic: `sim_node.soft_spring` derives it.
+"""
 
 import math
 
@@ -7,9 +11,10 @@ from sim_node.compiled import compiled_part, inlined_part
 from sim_node.elementary import expm1
 from sim_node.lanes import load, select, store
 
-_NX, _NY, _ARM_A, _ARM_B, _DRAG, _PULL, _TARGET = range(7)
-"""Fields: unit vector from a to b, lever arms about the masses' centres, share of the relative
-velocity that damping takes in a step and the impulse that does it, relative velocity to be left."""
+_NX, _NY, _ARM_A, _ARM_B, _SHARE, _PULL, _TARGET, _ELASTIC = range(8)
+"""Fields: unit vector from a to b, lever arms about the masses' centres, share of the excess of the
+relative velocity that a sweep takes and the impulse that does it, relative velocity to be left;
+of an implicit spring, impulse of its extension in an explicit step."""
 
 
 @inlined_part
@@ -38,41 +43,75 @@ def set_velocity(masses, i, velocity, first=VX):
 
 @compiled_part
 def stretch_springs(group):
-    """Prepare every spring at the present poses and apply its force for the step."""
-    masses, springs, table = group.masses, group.springs, group.spring_table
+    """Prepare every explicit spring at the present poses and apply its force for the step."""
+    springs, table = group.springs, group.spring_table
     for k in range(springs.shape[0]):
-        a, b = group.spring_ends[k, 0], group.spring_ends[k, 1]
-        ax, ay = anchor(masses, a, table[k, 0], table[k, 1])
-        bx, by = anchor(masses, b, table[k, 2], table[k, 3])
-        dx = (load(masses, b, X) + bx) - (load(masses, a, X) + ax)
-        dy = (load(masses, b, Y) + by) - (load(masses, a, Y) + ay)
-        length = math.sqrt(dx * dx + dy * dy)
-        per_length = select(length == 0.0, 0.0, 1.0 / length)
-        nx, ny = dx * per_length, dy * per_length
-        arm_a, arm_b = (ax * ny - ay * nx) * group.per_rho, (bx * ny - by * nx) * group.per_rho
-        stiff = 2.0 + arm_a * arm_a + arm_b * arm_b
-        store(springs, k, _NX, nx)
-        store(springs, k, _NY, ny)
-        store(springs, k, _ARM_A, arm_a)
-        store(springs, k, _ARM_B, arm_b)
+        extension, stiff = _lie(group, k)
         drag = -expm1(max(-table[k, 8] * stiff, -700.0))
-        store(springs, k, _DRAG, drag)
+        store(springs, k, _SHARE, drag)
         store(springs, k, _PULL, drag / stiff)
         store(springs, k, _TARGET, 0.0)
+        _push(group, k, -extension * table[k, 7])
 
-        change = load(group.actuation, k // N_SPRINGS, 0)
-        short, rest, long = table[k, 4], table[k, 5], table[k, 6]
-        rest = rest + select(change > 0.0, short - rest, long - rest) * abs(change)
-        j = (rest - length) * table[k, 7]
-        vx, vy, spin = get_velocity(masses, a)
-        set_velocity(masses, a, (vx - nx * j, vy - ny * j, spin - arm_a * j))
-        vx, vy, spin = get_velocity(masses, b)
-        set_velocity(masses, b, (vx + nx * j, vy + ny * j, spin + arm_b * j))
+
+@compiled_part
+def soften_springs(group):
+    """Prepare every implicit spring at the present poses; start from the last step's impulse."""
+    springs, table = group.springs, group.spring_table
+    for k in range(springs.shape[0]):
+        softness = table[k, 9]
+        impulse = load(springs, k, _TARGET) * (-1.0 / softness) - load(springs, k, _ELASTIC)
+        extension, stiff = _lie(group, k)
+        elastic, per_sum = extension * table[k, 7], 1.0 / (stiff + softness)
+        store(springs, k, _SHARE, stiff * per_sum)
+        store(springs, k, _PULL, per_sum)
+        store(springs, k, _TARGET, -softness * (elastic + impulse))
+        store(springs, k, _ELASTIC, elastic)
+        _push(group, k, impulse)
 
 
 @inlined_part
-def damp(springs, k, a, b):
-    """Let the damping of spring k act between masses of velocities a and b; return both."""
+def _lie(group, k):
+    """Write how spring k lies at the present poses; return its extension [m] and inverse mass.
+
+    The inverse is of the effective mass, times the mass of a mass.
+    """
+    masses, springs, table = group.masses, group.springs, group.spring_table
+    a, b = group.spring_ends[k, 0], group.spring_ends[k, 1]
+    ax, ay = anchor(masses, a, table[k, 0], table[k, 1])
+    bx, by = anchor(masses, b, table[k, 2], table[k, 3])
+    dx = (load(masses, b, X) + bx) - (load(masses, a, X) + ax)
+    dy = (load(masses, b, Y) + by) - (load(masses, a, Y) + ay)
+    length = math.sqrt(dx * dx + dy * dy)
+    per_length = select(length == 0.0, 0.0, 1.0 / length)
+    nx, ny = dx * per_length, dy * per_length
+    arm_a, arm_b = (ax * ny - ay * nx) * group.per_rho, (bx * ny - by * nx) * group.per_rho
+    store(springs, k, _NX, nx)
+    store(springs, k, _NY, ny)
+    store(springs, k, _ARM_A, arm_a)
+    store(springs, k, _ARM_B, arm_b)
+    change = load(group.actuation, k // N_SPRINGS, 0)
+    short, rest, long = table[k, 4], table[k, 5], table[k, 6]
+    rest = rest + select(change > 0.0, short - rest, long - rest) * abs(change)
+    return length - rest, 2.0 + arm_a * arm_a + arm_b * arm_b
+
+
+@inlined_part
+def _push(group, k, j):
+    """Let an impulse act along spring k."""
+    masses, springs = group.masses, group.springs
+    a, b = group.spring_ends[k, 0], group.spring_ends[k, 1]
+    nx, ny = load(springs, k, _NX), load(springs, k, _NY)
+    arm_a, arm_b = load(springs, k, _ARM_A), load(springs, k, _ARM_B)
+    vx, vy, spin = get_velocity(masses, a)
+    set_velocity(masses, a, (vx - nx * j, vy - ny * j, spin - arm_a * j))
+    vx, vy, spin = get_velocity(masses, b)
+    set_velocity(masses, b, (vx + nx * j, vy + ny * j, spin + arm_b * j))
+
+
+@inlined_part
+def pull(springs, k, a, b):
+    """Let spring k act once between masses of velocities a and b; return both."""
     nx, ny = load(springs, k, _NX), load(springs, k, _NY)
     arm_a, arm_b = load(springs, k, _ARM_A), load(springs, k, _ARM_B)
     target = load(springs, k, _TARGET)
@@ -80,5 +119,5 @@ def damp(springs, k, a, b):
     excess = (target - (arm_b * b[2] - arm_a * a[2])) - (nx * (b[0] - a[0]) + ny * (b[1] - a[1]))
     j = excess * load(springs, k, _PULL)
     jx, jy = nx * j, ny * j
-    store(springs, k, _TARGET, (target - excess) + excess * load(springs, k, _DRAG))
+    store(springs, k, _TARGET, (target - excess) + excess * load(springs, k, _SHARE))
     return (a[0] - jx, a[1] - jy, a[2] - arm_a * j), (b[0] + jx, b[1] + jy, b[2] + arm_b * j)

@@ -13,7 +13,13 @@ from sim_node.batched.contacts import (
 )
 from sim_node.batched.group import ANGLE, BIAS_X, COS, N_LIMITS, N_SPRINGS, SIN, X, Y
 from sim_node.batched.joints import apply_joints_of_last_step, limit, prepare_joints, weld
-from sim_node.batched.springs import damp, get_velocity, set_velocity, stretch_springs
+from sim_node.batched.springs import (
+    get_velocity,
+    pull,
+    set_velocity,
+    soften_springs,
+    stretch_springs,
+)
 from sim_node.compiled import compiled_part
 from sim_node.elementary import sine_cosine
 from sim_node.lanes import load, store
@@ -21,19 +27,31 @@ from sim_node.lanes import load, store
 
 @compiled_part
 def physics_step(group):
-    """Advance all robots of the group by `group.dt`."""
+    """Advance all robots of the group by `group.dt`.
+
+    In the reference's order: velocities, poses, contacts at these. Chipmunk's step begins with
+    the poses, which puts the end of a step elsewhere in the same sequence.
+    """
     group.step_count[0] += 1.0
-    move(group.masses, group.dt, group.per_rho)
-    find_contacts(group)
-    stretch_springs(group)
+    if not group.current_poses:
+        move(group.masses, group.dt, group.per_rho)
+        find_contacts(group)
+    if group.implicit_springs:
+        fall(group.masses, group.damping, group.fall)
+        soften_springs(group)
+    else:
+        stretch_springs(group)
+        fall(group.masses, group.damping, group.fall)
     prepare_joints(group)
-    fall(group.masses, group.damping, group.fall)
     apply_contacts_of_last_step(group)
     apply_joints_of_last_step(group)
     mend_overlaps(group)
     for _ in range(group.iterations):
         push_contacts(group)
         sweep(group)
+    if group.current_poses:
+        move(group.masses, group.dt, group.per_rho)
+        find_contacts(group)
 
 
 @compiled_part
@@ -74,15 +92,15 @@ def sweep(group):
         nw, ne = get_velocity(masses, i), get_velocity(masses, i + 1)
         se, sw = get_velocity(masses, i + 2), get_velocity(masses, i + 3)
         for j in range(k, k + 4):
-            nw, ne = damp(springs, j, nw, ne)
+            nw, ne = pull(springs, j, nw, ne)
         for j in range(k + 4, k + 8):
-            ne, se = damp(springs, j, ne, se)
+            ne, se = pull(springs, j, ne, se)
         for j in range(k + 8, k + 12):
-            se, sw = damp(springs, j, se, sw)
+            se, sw = pull(springs, j, se, sw)
         for j in range(k + 12, k + 16):
-            sw, nw = damp(springs, j, sw, nw)
-        nw, se = damp(springs, k + 16, nw, se)
-        ne, sw = damp(springs, k + 17, ne, sw)
+            sw, nw = pull(springs, j, sw, nw)
+        nw, se = pull(springs, k + 16, nw, se)
+        ne, sw = pull(springs, k + 17, ne, sw)
         if group.active[limits.shape[0] + voxel]:
             if group.active[m]:
                 nw, ne = limit(limits, m, nw, ne)

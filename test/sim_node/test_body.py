@@ -10,7 +10,7 @@ import pytest
 from sim_node.body import LIMIT, SPRING, WELD, build_body, placement
 from sim_node.material import Material
 from sim_node.morphology import parse_morphology
-from sim_node.pymunk_view import pymunk_view
+from sim_node.pymunk_view import SoftSpring, pymunk_view
 from sim_node.solver import Solver
 from sim_node.space import Space
 from sim_node.terrain import UNSEEN_TERRAINS, parse_terrain
@@ -167,7 +167,7 @@ def test_number_of_welds(shape, n_shared_sides):
 
 def test_constraints_enter_voxel_by_voxel():
     kinds = [type(c).__name__ for c in build('11').space.constraints]
-    voxel = ['DampedSpring'] * 18 + ['SlideJoint'] * 4
+    voxel = ['SoftSpring'] * 18 + ['SlideJoint'] * 4
     assert kinds == voxel + voxel + ['PivotJoint'] * 4
 
 
@@ -203,7 +203,7 @@ def test_the_space_holds_the_tables_exactly(shape):
     table = build_body(parse_morphology(shape), terrain, Material(damping_ratio=0.2))
     assert [tuple(b.position) for b in body.masses] == [*map(tuple, table.positions.tolist())]
     numbers = {
-        pymunk.DampedSpring: lambda c: (SPRING, c.rest_length, c.stiffness, c.damping),
+        SoftSpring: lambda c: (SPRING, c.rest_length, c.stiffness, c.damping),
         pymunk.SlideJoint: lambda c: (LIMIT, c.min, 0.0, 0.0),
         pymunk.PivotJoint: lambda c: (WELD, 0.0, 0.0, 0.0),
     }

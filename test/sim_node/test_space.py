@@ -67,7 +67,9 @@ def two_spaces(shape, terrain, options):
     return view, made_of_objects(body, terrain, material, solver)
 
 
-OPTIONS = [(Material(), Solver()), (ODD, Solver(1, 7, True))]
+FIRST = Solver(physics='first')  # Munk2D as it is
+
+OPTIONS = [(Material(), FIRST), (ODD, Solver(1, 7, True, 'first'))]
 
 
 @pytest.mark.parametrize('options', OPTIONS)

@@ -4,12 +4,14 @@ import numpy as np
 import pymunk
 import pytest
 
-from sim_node.batched.contacts import SLOP
 from sim_node.batched.group import BOX_GROWTH, JOINT_ERROR
 from sim_node.errors import InvalidInput
 from sim_node.material import Material
+from sim_node.physics import PHYSICS
 from sim_node.simulation import Simulation
 from sim_node.solver import Solver
+
+FIRST = Solver(physics='first')
 
 SHAPES = ['1', '11-11', 'biped', 'comb', 'worm', 'ball-5']
 
@@ -49,7 +51,7 @@ def test_munk2d_s_own_constants():
     space, body = pymunk.Space(), pymunk.Body(1.0, 1.0)
     joint = pymunk.PivotJoint(body, space.static_body, (0, 0), (0, 0))
     assert joint.error_bias == space.collision_bias == JOINT_ERROR
-    assert space.collision_slop == SLOP == BOX_GROWTH
+    assert space.collision_slop == PHYSICS['first'].slop == BOX_GROWTH
     assert space.collision_persistence == 3
 
 
@@ -68,7 +70,13 @@ def test_rest(shape):
 @pytest.mark.parametrize('terrain', ['flat', 'uphill-10', 'downhill-10'])
 @pytest.mark.parametrize('shape', SHAPES)
 def test_ten_seconds_of_a_wave(shape, terrain):
-    assert gap(shape, terrain, sines, 10.0).max() < 1e-8
+    assert gap(shape, terrain, sines, 10.0).max() < 1e-7
+
+
+@pytest.mark.parametrize('terrain', ['flat', 'uphill-10', 'steppy-0.3-1-2'])
+@pytest.mark.parametrize('actuation', [still, sines, flips])
+def test_the_first_physics(terrain, actuation):
+    assert gap('biped', terrain, actuation, 2.5, solver=FIRST).max() < 1e-6
 
 
 @pytest.mark.parametrize('shape', ['1', 'biped', 'worm'])
