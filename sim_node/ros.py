@@ -129,7 +129,7 @@ class RosNode(Node):
             expected = f'{type(default).__name__} from {low:g} to {high:g}: {text}'
         override = self._parameter_overrides.get(name)
         given = override.value if override is not None else None
-        if type(given) in (int, float) and isinstance(default, (float, str)):
+        if type(given) in (int, float) and isinstance(default, (float, str)) and not any_type:
             # What looks like a number to ROS may be meant as 1.0, as the grid 11111, as a share.
             value = type(default)(given)
             self._parameter_overrides[name] = rclpy.Parameter(name, value=value)

@@ -1,5 +1,6 @@
 """Node parameters: any value is taken as what was asked for, or refused by name."""
 
+import itertools
 import json
 
 import numpy as np
@@ -55,9 +56,9 @@ def test_unknown_parameters_are_refused(ros, name):
 
 
 def test_a_parameter_of_any_type_keeps_what_is_given(ros):
-    for value in (True, False, 'reference', 3, 2.5):
+    for default, value in itertools.product((False, 'all'), (True, False, 'reference', 3, 2.5)):
         node = RosNode('any', parameter_overrides=[Parameter('kind', value=value)])
-        taken = node.parameter('kind', False, 'what it is', any_type=True)
+        taken = node.parameter('kind', default, 'what it is', any_type=True)
         node.destroy_node()
         assert type(taken) is type(value)
         assert taken == value
