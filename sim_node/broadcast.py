@@ -80,7 +80,7 @@ class Broadcast:
 
         Args:
             readings: (n_voxels, 4).
-            episode: as from `interface.new_episode`.
+            episode: as from `sim_node.episode.new_episode`.
         """
         stamp = stamp_of_step(self._simulation.step_count)
         for (publisher, wire), mine in zip(self._sensors, readings, strict=True):

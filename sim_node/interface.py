@@ -1,7 +1,5 @@
 """(ROS) The body's topics: their names, stamps and QoS, and readings and actuation as messages."""
 
-import secrets
-
 import numpy as np
 from geometry_msgs.msg import Point
 from nav_msgs.msg import Odometry
@@ -11,6 +9,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from sim_node.episode import EXAMPLE_EPISODE, check_frame, frame_of
 from sim_node.errors import InvalidInput
 from sim_node.render import area_colors
 from sim_node.sensors import SENSORS
@@ -44,31 +43,6 @@ def stream_qos(depth: int = HISTORY) -> QoSProfile:
         reliability=ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.TRANSIENT_LOCAL,
     )
-
-
-EXAMPLE_EPISODE = b'EPISODE.'
-
-
-def new_episode() -> np.ndarray:
-    """Return a name that no other episode has, 8 hexadecimal digits as ASCII, (8,) uint8.
-
-    The simulation draws one whenever it starts or is reset. Sensors carry it in their frame_id,
-    `<voxel>@<episode>`, and voxels repeat it in whatever they say in answer: nobody takes a
-    message of another episode, or of another simulation, for one of this.
-    """
-    return np.frombuffer(secrets.token_hex(len(EXAMPLE_EPISODE) // 2).encode(), np.uint8)
-
-
-def frame_of(voxel: str, episode: bytes = EXAMPLE_EPISODE) -> str:
-    """Return the frame_id of what concerns a voxel in an episode."""
-    return f'{voxel}@{episode.decode()}'
-
-
-def check_frame(voxel: str, frame: str) -> None:
-    """Raise InvalidInput if `frame` is not the voxel's in any episode."""
-    place, _, episode = frame.rpartition('@')
-    if place != voxel or len(episode.encode()) != len(EXAMPLE_EPISODE):
-        raise InvalidInput('frame_id', frame, frame_of(voxel, b'<digits>'))
 
 
 def _joint_state_format(voxel: str, names: list[str]) -> WireFormat:

@@ -17,6 +17,7 @@ from sim_node import interface
 from sim_node.answers import Answers
 from sim_node.broadcast import Broadcast
 from sim_node.compiled import warm_up
+from sim_node.episode import new_episode
 from sim_node.errors import InvalidInput
 from sim_node.links import link_figures
 from sim_node.pace import Pace, StepTimes
@@ -85,7 +86,7 @@ class SimNode(RosNode):
 
     def _begin(self) -> None:
         """Put the robot down, expect every voxel again, and publish step 0."""
-        self._episode = interface.new_episode()
+        self._episode = new_episode(self.simulation.solver.physics)
         self._begun, self._to_make = True, None
         if not self._pace:
             self._answers.silent.clear()

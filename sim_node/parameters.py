@@ -1,11 +1,14 @@
 """(ROS) What the simulation node is told: how to run, and the body and its world."""
 
+import os
 from dataclasses import dataclass, fields
 
+from sim_node.body_file import BodyPart, load_body
 from sim_node.errors import InvalidInput, check_name
 from sim_node.faults import FAULTS_OF_BODY
 from sim_node.material import Material
 from sim_node.morphology import parse_morphology
+from sim_node.physics import PHYSICS
 from sim_node.ros import RosNode
 from sim_node.simulation import Simulation
 from sim_node.solver import ENGINES, Solver
@@ -51,33 +54,60 @@ def options_of(node: RosNode) -> RunOptions:
 def simulation_of(node: RosNode) -> Simulation:
     """Return the simulation that the parameters of a node describe.
 
+    What a controller file says is the default of the parameters of the body and its world.
+
     Raises:
-        InvalidInput: a parameter is off.
+        InvalidInput: a parameter is off, or the controller file cannot be read.
     """
     p = node.parameter
-    shape = p('morphology', 'biped', 'shape name or grid, e.g. biped, comb-7x2, 1111-1001')
-    terrain = p('terrain', 'flat', 'flat | hilly-h-w-seed | steppy-h-w-seed | uphill-a | ...')
-    engine = p('engine', ENGINES[0], f'physics engine: {" | ".join(ENGINES)}')
+    body = _body(p('controller', '', 'path of a controller file (.npz): morphology, terrain, '
+                   'engine, material and solver are its own where no parameter names another; '
+                   'empty: none'), node.where())
+    shape = p('morphology', body.morphology.grid_string if body else 'biped',
+              'shape name or grid, e.g. biped, comb-7x2, 1111-1001')
+    terrain = p('terrain', body.terrain if body else 'flat',
+                'flat | hilly-h-w-seed | steppy-h-w-seed | uphill-a | ...')
+    engine = p('engine', body.engine if body else ENGINES[0],
+               f'physics engine: {" | ".join(ENGINES)}')
+    material, solver = (body.material, body.solver) if body else (Material(), Solver())
     constants = {
         f.name: p(
-            f'material.{f.name}', f.default,
+            f'material.{f.name}', float(getattr(material, f.name)),
             f'{f.metadata["text"]} [{f.metadata["unit"] or "1"}]',
             f.metadata['low'], f.metadata['high'],
         )
         for f in fields(Material)
     }
-    solver = Solver(
-        substeps=p('solver.substeps', 1, 'physics steps per control step', 1, 100),
-        iterations=p('solver.iterations', 10, 'sweeps of the impulse solver', 1, 1000),
-        self_collision=p(
-            'solver.self_collision', False, 'whether masses of the robot collide'
+    how = {
+        'substeps': p('solver.substeps', solver.substeps,
+                      'physics steps per control step', 1, 100),
+        'iterations': p('solver.iterations', solver.iterations,
+                        'sweeps of the impulse solver', 1, 1000),
+        'self_collision': p(
+            'solver.self_collision', solver.self_collision,
+            'whether masses of the robot collide: false | true | reference', any_type=True,
         ),
-    )
+        'physics': p('solver.physics', solver.physics,
+                     f'by which rules the body moves and is sensed: {" | ".join(PHYSICS)}'),
+    }
     faults = {name: p(name, *spec) for name, spec in FAULTS_OF_BODY.items()}
     try:
         return Simulation(
             parse_morphology(shape), terrain, material=Material(**constants),
-            solver=solver, engine=engine, **faults,
+            solver=Solver(**how), engine=engine, **faults,
         )
     except InvalidInput as error:
         raise error.found_in(node.where()) from None
+
+
+def _body(path: str, where: str) -> BodyPart | None:
+    """Return the body's part of a controller file; None if no file is given."""
+    if not path:
+        return None
+    if not os.path.exists(path):
+        expected = 'the path of a controller file (.npz), not the name of a bundled one'
+        raise InvalidInput('controller', path, expected, where)
+    try:
+        return load_body(path)
+    except InvalidInput as error:
+        raise error.found_in(where) from None

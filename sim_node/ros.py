@@ -102,13 +102,24 @@ class RosNode(Node):
         text: str,
         low: float | None = None,
         high: float | None = None,
+        *,
+        any_type: bool = False,
     ) -> Any:
         """Declare a read-only parameter with its description and range; return its value.
+
+        Args:
+            name: of the parameter.
+            default: its value if none is given; its type is the parameter's.
+            text: what it is, for its description and for errors.
+            low, high: its range, inclusive, if it is a number.
+            any_type: values may have another type than `default`; the caller checks them.
 
         Raises:
             InvalidInput: the value given has another type or is out of range.
         """
-        descriptor = ParameterDescriptor(description=text, read_only=True)
+        descriptor = ParameterDescriptor(
+            description=text, read_only=True, dynamic_typing=any_type
+        )
         if isinstance(default, float) and low is not None:
             descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
         elif low is not None:
@@ -118,7 +129,7 @@ class RosNode(Node):
             expected = f'{type(default).__name__} from {low:g} to {high:g}: {text}'
         override = self._parameter_overrides.get(name)
         given = override.value if override is not None else None
-        if type(given) in (int, float) and isinstance(default, (float, str)):
+        if type(given) in (int, float) and isinstance(default, (float, str)) and not any_type:
             # What looks like a number to ROS may be meant as 1.0, as the grid 11111, as a share.
             value = type(default)(given)
             self._parameter_overrides[name] = rclpy.Parameter(name, value=value)

@@ -1,8 +1,10 @@
-"""Controller files: trained parameters and all that is needed to run them again, in one .npz."""
+"""Controller files: trained parameters and all that is needed to run them again, in one .npz.
+
+The body's part of the format is read by `sim_node.body_file`.
+"""
 
 import functools
 import json
-import zipfile
 from dataclasses import asdict, dataclass, field
 from importlib import metadata
 from pathlib import Path
@@ -10,18 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from sim_node.errors import InvalidInput, check_keys, check_name
+from sim_node.body_file import FORMAT_VERSION, body_of, check_version, field_of, read_archive
+from sim_node.errors import InvalidInput, check_keys
 from sim_node.material import Material
-from sim_node.morphology import Morphology, parse_morphology
+from sim_node.morphology import Morphology
 from sim_node.solver import ENGINES, Solver
-from sim_node.terrain import parse_terrain
 from snca_ros.cell.nca import Architecture
 from snca_ros.controller import Controller
 from snca_ros.faults import Faults
 from snca_ros.files import write_atomically
 
-FORMAT_VERSION = 1
-_MAX_BYTES = 64 * 2**20
 _FIELDS = (
     'format_version', 'architecture', 'morphology', 'terrain', 'material', 'solver',
     'fitness', 'seed', 'evaluations', 'versions', 'chosen_by', 'v_x',
@@ -104,96 +104,33 @@ def load_controller(path: Path | str) -> TrainedController:
         InvalidInput: the file is missing, broken, pickled, of another version, or a field of it
             is not what it should be; the text names file, field, value and expectation.
     """
-    path = Path(path)
     try:
-        header, theta = _read(path)
-        return _checked(header, theta)
+        header, arrays = read_archive(Path(path), 'theta')
+        return _checked(header, arrays['theta'])
     except InvalidInput as error:
         raise error.found_in(str(path)) from None
 
 
-def _read(path: Path) -> tuple[dict, np.ndarray]:
-    expected = 'a controller file (.npz) written by evolve'
-    try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise InvalidInput('file', f'{path.stat().st_size} bytes', f'at most {_MAX_BYTES}')
-        archive = np.load(path, allow_pickle=False)
-        if not isinstance(archive, np.lib.npyio.NpzFile):
-            raise InvalidInput('file', 'a single array', expected)
-        with archive as data:
-            entries = data.zip.infolist() if data.zip else []
-            size = sum(entry.file_size for entry in entries)
-            if size > _MAX_BYTES:
-                raise InvalidInput('file', f'{size} bytes unpacked', f'at most {_MAX_BYTES}')
-            missing = {'header', 'theta'} - set(data.files)
-            if missing:
-                name = sorted(missing)[0]
-                raise InvalidInput('file', f'no entry {name}', expected)
-            header, theta = _parsed(data['header']), data['theta']
-    except InvalidInput:
-        raise
-    except OSError as error:
-        raise InvalidInput('file', error.strerror or str(error), expected) from None
-    except (ValueError, KeyError, EOFError, zipfile.BadZipFile, zipfile.LargeZipFile) as error:
-        raise InvalidInput('file', str(error), expected) from None
-    except Exception as error:  # zlib.error and whatever else a damaged archive provokes
-        raise InvalidInput('file', f'{type(error).__name__}: {error}', expected) from None
-    return header, theta
-
-
-def _parsed(text: np.ndarray) -> dict:
-    if text.shape != () or text.dtype.kind != 'U':
-        shown = f'{text.dtype} of shape {text.shape}'
-        raise InvalidInput('header', shown, 'one text')
-    try:
-        header = json.loads(text.item())
-    except (ValueError, RecursionError) as error:
-        raise InvalidInput('header', str(error), 'a JSON object') from None
-    if not isinstance(header, dict):
-        raise InvalidInput('header', header, 'a JSON object')
-    return header
-
-
-def _field(values: dict, name: str, kinds: type | tuple[type, ...], outer: str = '') -> Any:
-    value = values.get(name)
-    if not isinstance(value, kinds) or isinstance(value, bool):
-        names = kinds.__name__ if isinstance(kinds, type) else ' or '.join(
-            k.__name__ for k in kinds
-        )
-        raise InvalidInput(f'{outer}{name}', value, f'a value of type {names}')
-    return value
-
-
 def _count(header: dict, name: str) -> int:
-    value = _field(header, name, int)
+    value = field_of(header, name, int)
     if value < 0:
         raise InvalidInput(name, value, 'an integer from 0')
     return value
 
 
-def _engine(name: Any, where: str) -> str:
-    check_name(where, name, ENGINES)
-    return name
-
-
 def _scores(values: Any) -> dict[str, float]:
     if not isinstance(values, dict):
         raise InvalidInput('v_x', values, 'a speed per engine')
-    return {_engine(name, 'v_x'): _field(values, name, float, 'v_x.') for name in values}
+    check_keys('v_x', values, ENGINES)
+    return {name: field_of(values, name, float, 'v_x.') for name in values}
 
 
 def _checked(header: dict, theta: np.ndarray) -> TrainedController:
-    version = _field(header, 'format_version', int)
-    if version != FORMAT_VERSION:
-        raise InvalidInput('format_version', version, str(FORMAT_VERSION))
+    check_version(header)
     check_keys('header', header, _FIELDS)
-    architecture = Architecture.from_dict(_field(header, 'architecture', dict))
-    shape = _field(header, 'morphology', dict)
-    check_keys('morphology', shape, ('name', 'grid'))
-    name = _field(shape, 'name', str, 'morphology.')
-    morphology = Morphology(name, parse_morphology(shape.get('grid', '')).cells)
-    terrain = parse_terrain(_field(header, 'terrain', str)).name
-    expected = architecture.n_parameters(morphology.n_voxels)
+    architecture = Architecture.from_dict(field_of(header, 'architecture', dict))
+    body = body_of(header)
+    expected = architecture.n_parameters(body.morphology.n_voxels)
     if theta.dtype != np.float64 or theta.shape != (expected,):
         shown = f'{theta.dtype} of shape {theta.shape}'
         raise InvalidInput('theta', shown, f'float64 of shape ({expected},)')
@@ -202,15 +139,15 @@ def _checked(header: dict, theta: np.ndarray) -> TrainedController:
         raise InvalidInput(f'theta[{bad}]', float(theta[bad]), 'a finite number')
     return TrainedController(
         architecture=architecture,
-        morphology=morphology,
+        morphology=body.morphology,
         theta=theta,
-        terrain=terrain,
-        material=Material.from_dict(_field(header, 'material', dict)),
-        solver=Solver.from_dict(_field(header, 'solver', dict)),
-        fitness=_field(header, 'fitness', float),
+        terrain=body.terrain,
+        material=body.material,
+        solver=body.solver,
+        fitness=field_of(header, 'fitness', float),
         seed=_count(header, 'seed'),
         evaluations=_count(header, 'evaluations'),
-        versions={str(k): str(v) for k, v in _field(header, 'versions', dict).items()},
-        chosen_by=_engine(header.get('chosen_by', 'pymunk'), 'chosen_by'),
+        versions={str(k): str(v) for k, v in field_of(header, 'versions', dict).items()},
+        chosen_by=body.engine,
         v_x=_scores(header.get('v_x', {})),
     )

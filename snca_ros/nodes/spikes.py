@@ -3,7 +3,7 @@
 import numpy as np
 from sensor_msgs.msg import Image
 
-from sim_node import interface
+from sim_node.episode import EXAMPLE_EPISODE, check_frame, frame_of
 from sim_node.errors import InvalidInput
 from sim_node.stamps import step_of_stamp
 from sim_node.wire import WireFormat
@@ -40,18 +40,18 @@ class CellMessages:
             step=width * np.dtype(dtype).itemsize,
             data=example.tobytes(),
         )
-        image.header.frame_id = interface.frame_of(voxel)
+        image.header.frame_id = frame_of(voxel)
         self._fixed = {
             'height': image.height, 'width': image.width, 'encoding': image.encoding,
             'is_bigendian': 0, 'step': image.step,
         }
         self._voxel, self._n_bytes = voxel, len(image.data)
-        episode = np.frombuffer(interface.EXAMPLE_EPISODE, np.uint8)
+        episode = np.frombuffer(EXAMPLE_EPISODE, np.uint8)
         numbers = {'data': example, 'episode': episode}
         self._wire = WireFormat(image, numbers, check=self._check)
 
     def _check(self, image: Image) -> None:
-        interface.check_frame(self._voxel, image.header.frame_id)
+        check_frame(self._voxel, image.header.frame_id)
         for name, expected in self._fixed.items():
             if getattr(image, name) != expected:
                 raise InvalidInput(name, getattr(image, name), repr(expected))

@@ -18,18 +18,15 @@ from rclpy.utilities import remove_ros_args
 from sensor_msgs.msg import Image, JointState
 
 from sim_node import interface
-from sim_node.compiled import warm_up
 from sim_node.errors import InvalidInput
 from sim_node.links import Link, link_figures
 from sim_node.morphology import DIRECTIONS, OPPOSITE
 from sim_node.ros import RosNode, run_nodes
-from sim_node.sensors import N_SENSORS
 from sim_node.stamps import START_STEPS, stamp_of_step
-from snca_ros.cell.cells import Cells
-from snca_ros.controller import weights_of
-from snca_ros.controller_file import load_controller
-from snca_ros.faults import FAULTS_OF_CELLS, CellFaults, Faults, VoxelFaults
+from snca_ros.faults import FAULTS_OF_CELLS
 from snca_ros.nodes.double import Double
+from snca_ros.nodes.mismatch import Mismatch
+from snca_ros.nodes.own_part import load_own_part
 from snca_ros.nodes.pending import Pending
 from snca_ros.nodes.spikes import CellMessages, topic_name
 
@@ -72,7 +69,9 @@ class VoxelNode(RosNode):
             if not _VOXEL_NAME.fullmatch(value) and (value or field == 'voxel'):
                 raise InvalidInput(field, value, 'voxel_<x>_<y>', self.where())
         self._neighbors = {d: n for d, n in enumerate(names) if n}
-        self._load(path, faults)
+        part = load_own_part(path, self._voxel, faults, self.where())
+        self._architecture, self._cells, self._faults = part.architecture, part.cells, part.faults
+        self._mismatch = Mismatch(path, part.physics, self.get_logger().warning)
         self._make_topics()
         self._joined = self._held_back = False
         self._double = Double(self, self._voxel)
@@ -87,29 +86,6 @@ class VoxelNode(RosNode):
         self._received = {d: Pending() for d in self._neighbors}
         self._sensors_link, self._links = Link(), {d: Link() for d in self._neighbors}
         self._restart(b'')
-
-    def _load(self, path: str, faults: dict) -> None:
-        """Load this voxel's own parameters from the controller file, and find its own faults."""
-        if not path:
-            raise InvalidInput('controller', path, 'a controller file (.npz)', self.where())
-        trained = load_controller(path)
-        try:
-            index = trained.morphology.index_of(self._voxel)
-        except InvalidInput as error:
-            raise error.found_in(path) from None
-        try:
-            of_cells = CellFaults(Faults(**faults), trained.morphology)
-        except InvalidInput as error:
-            raise error.found_in(self.where()) from None
-        self._faults = VoxelFaults(of_cells, index)
-        self._architecture = trained.architecture
-        n_voxels = trained.morphology.n_voxels
-        weights = weights_of(self._architecture, trained.theta, n_voxels, index)
-        self._cells = Cells(self._architecture, weights[np.newaxis])
-        warm_up(
-            'cell',
-            lambda: self._cells.step_cell(0, np.zeros(N_SENSORS), self._cells.silence(), 0),
-        )
 
     def _make_topics(self) -> None:
         qos, queue = interface.stream_qos(), interface.stream_qos(interface.QUEUE)
@@ -204,7 +180,14 @@ class VoxelNode(RosNode):
         self._silent.discard(direction)
 
     def health(self) -> tuple[bytes, str]:
-        """Return the state for /diagnostics: the step, and whom it waits for."""
+        """Return the state for /diagnostics, and whether the simulation has another physics."""
+        level, text = self._state()
+        if words := self._mismatch.words:
+            return DiagnosticStatus.WARN, f'{text}; {words}'
+        return level, text
+
+    def _state(self) -> tuple[bytes, str]:
+        """Return a level and a line: the step, and whom the voxel waits for."""
         if self._held_back:
             return DiagnosticStatus.WARN, 'held back: another node answers for this voxel'
         if self._step < 0:
@@ -281,6 +264,7 @@ class VoxelNode(RosNode):
                 self._inbox[d] = message[OPPOSITE[d] if self._architecture.directional else 0]
 
     def _publish_step(self) -> None:
+        self._mismatch.note(self._episode)
         stamp = stamp_of_step(self._step)
         heard = self._faults.hear(self._step, self._inbox)
         if self._faults.dead(self._step):

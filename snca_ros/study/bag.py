@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from sim_node.episode import UNKNOWN_PHYSICS, physics_of_episode
 from sim_node.errors import InvalidInput
+from sim_node.physics import UNNAMED_PHYSICS
 from sim_node.sensors import N_SENSORS
 from snca_ros.study.health import NodeHealth, read_health
 from snca_ros.study.poses import Poses, read_poses
@@ -74,6 +76,8 @@ class Recording:
             everything.
         health: what each node said of itself, by its name; of all episodes.
         poses: what the robot looked like; None if the bag has no markers.
+        physics: by which the body moved, one of `sim_node.physics.PHYSICS`, or
+            `sim_node.episode.UNKNOWN_PHYSICS`.
     """
 
     path: Path
@@ -92,6 +96,7 @@ class Recording:
     counts: tuple[TopicCount, ...]
     health: dict[str, NodeHealth]
     poses: Poses | None = None
+    physics: str = UNNAMED_PHYSICS
 
     @property
     def n_steps(self) -> int:
@@ -136,8 +141,15 @@ def read_bag(path: Path | str, episode: int = -1) -> Recording:
         path=path, closed=closed, robot=robot, episode=episode, n_episodes=n_episodes,
         rate=_rate(streams[f'/{robot}/odometry']),
         counts=_counts(topics, streams, len(arrays['centers'])), health=health, poses=poses,
-        **arrays,
+        physics=_physics(streams), **arrays,
     )
+
+
+def _physics(streams: dict[str, Stream]) -> str:
+    """Return the physics of the episode that most messages of voxels name: some may be forged."""
+    names = [s.names for topic, s in streams.items() if _VOXEL_TOPIC.search(topic)]
+    found, counts = np.unique(np.concatenate([np.zeros(0, 'S'), *names]), return_counts=True)
+    return physics_of_episode(bytes(found[counts.argmax()])) if len(found) else UNKNOWN_PHYSICS
 
 
 def _bounds(odometry: Stream, episode: int) -> tuple[float, float]:

@@ -76,7 +76,7 @@ def record_offline(
         values=None if spiking else messages[..., 0],
         heard=np.broadcast_to(np.arange(n_steps + 1)[:, None] < n_steps, actuation.shape),
         rate=math.nan, counts=(), health={},
-        poses=Poses(np.arange(n_steps + 1), corners, ground),
+        poses=Poses(np.arange(n_steps + 1), corners, ground), physics=trained.solver.physics,
     )
     return recording, thresholds if spiking else None
 

@@ -76,6 +76,7 @@ def as_dict(recording: Recording, gait: Gait) -> dict[str, object]:
         'bag': str(recording.path),
         'closed': recording.closed,
         'robot': recording.robot,
+        'physics': recording.physics,
         'episode': recording.episode,
         'n_episodes': recording.n_episodes,
         'v_x': _number(gait.velocity),
@@ -130,6 +131,7 @@ def _gait_lines(recording: Recording, gait: Gait) -> list[str]:
     lines += [
         f'v_x        {gait.velocity!r} m/s ({scored})',
         f'distance   {gait.distance:.3f} m in {gait.duration:.3f} s',
+        f'physics    {recording.physics}',
         f'rhythm     {gait.frequency:.2f} Hz, where the actuation of all voxels peaks',
     ]
     if math.isfinite(recording.rate):

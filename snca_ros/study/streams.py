@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
+from sim_node.episode import episode_of
 from sim_node.errors import InvalidInput
 from sim_node.sensors import N_SENSORS
 from sim_node.stamps import step_of_stamp
@@ -24,19 +25,21 @@ class Stream:
         steps: (n,) control steps from their stamps, in the order of their arrival.
         times: (n,) wall time of their arrival [ns].
         numbers: (n, ...) what they say.
+        names: (n,) bytes, of the simulation's episode in their frame; empty if there is none.
         refused: messages besides that are not what they should be; the nodes did not use them.
     """
 
     steps: np.ndarray
     times: np.ndarray
     numbers: np.ndarray
+    names: np.ndarray
     refused: int = 0
 
     @classmethod
     def empty(cls, kind: 'Kind') -> 'Stream':
         """Return the stream of a topic of which nothing came."""
         none = np.zeros(0, dtype=np.int64)
-        return cls(none, none, np.zeros((0, *np.maximum(kind.shape, 0))))
+        return cls(none, none, np.zeros((0, *np.maximum(kind.shape, 0))), none.astype('S'))
 
     def starts(self) -> np.ndarray:
         """Return the index of the first message, and of those after the stamps went back."""
@@ -58,15 +61,16 @@ class Stream:
         of_message = np.repeat(np.searchsorted(resets, self.times[starts]), lengths)
         mine = np.flatnonzero(of_message == number)
         steps, first = np.unique(self.steps[mine], return_index=True)
+        kept = mine[first]
         return Stream(
-            steps, self.times[mine[first]], self.numbers[mine[first]], self.refused
+            steps, self.times[kept], self.numbers[kept], self.names[kept], self.refused
         )
 
     def until(self, step: int) -> 'Stream':
         """Return the messages up to a step; to refuse what is stamped later."""
         kept = self.steps <= step
         return Stream(
-            self.steps[kept], self.times[kept], self.numbers[kept],
+            self.steps[kept], self.times[kept], self.numbers[kept], self.names[kept],
             self.refused + int((~kept).sum()),
         )
 
@@ -93,31 +97,32 @@ def decode(name: str, topic: Topic, kind: str) -> Stream:
     expected = KINDS[kind]
     if topic.type != expected.type:
         raise InvalidInput(f'type of {name}', topic.type, expected.type)
-    found: list[tuple[int, int, np.ndarray]] = []
+    found: list[tuple[int, int, np.ndarray, bytes]] = []
     reason: Exception | None = None
     for time, data in zip(topic.times.tolist(), topic.messages, strict=True):
         try:
-            step, numbers = _read(name, expected, data)
+            step, numbers, episode = _read(name, expected, data)
         except Exception as error:  # whatever rosbags and numpy say about bytes of another layout
             reason = error
         else:
-            found.append((step, time, numbers))
+            found.append((step, time, numbers, episode))
     if not found and reason is not None:
         text = ' '.join(str(reason).split())
         raise InvalidInput(name, text, f'{topic.type} of shape {expected.shape}')
-    shapes = Counter(numbers.shape for _, _, numbers in found)
+    shapes = Counter(numbers.shape for _, _, numbers, _ in found)
     shape = shapes.most_common(1)[0][0] if shapes else tuple(np.maximum(expected.shape, 0))
     good = [entry for entry in found if entry[2].shape == shape]
     return Stream(
-        np.array([step for step, _, _ in good], dtype=np.int64),
-        np.array([time for _, time, _ in good], dtype=np.int64),
-        np.array([numbers for _, _, numbers in good]).reshape(len(good), *shape),
+        np.array([step for step, *_ in good], dtype=np.int64),
+        np.array([time for _, time, *_ in good], dtype=np.int64),
+        np.array([numbers for _, _, numbers, _ in good]).reshape(len(good), *shape),
+        np.array([episode for *_, episode in good], dtype='S'),
         len(topic.messages) - len(good),
     )
 
 
-def _read(name: str, kind: Kind, data: bytes) -> tuple[int, np.ndarray]:
-    """Return step and numbers of a message; some exception if it is not what it should be."""
+def _read(name: str, kind: Kind, data: bytes) -> tuple[int, np.ndarray, bytes]:
+    """Return step, numbers and the name of the episode; some exception if a message is wrong."""
     message = _types().deserialize_cdr(data, kind.type)
     stamp = message.clock if kind is KINDS['clock'] else message.header.stamp
     voxel = name.split('/')[-2]
@@ -131,7 +136,8 @@ def _read(name: str, kind: Kind, data: bytes) -> tuple[int, np.ndarray]:
         raise InvalidInput('shape', numbers.shape, str(kind.shape))
     if not np.isfinite(numbers).all():
         raise InvalidInput('numbers', 'one that is not finite', 'finite numbers')
-    return step_of_stamp(stamp.sec, stamp.nanosec), numbers
+    episode = episode_of(message.header.frame_id) if kind.of_voxel else b''
+    return step_of_stamp(stamp.sec, stamp.nanosec), numbers, episode
 
 
 @functools.cache

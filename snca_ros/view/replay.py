@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import sys
 from pathlib import Path
 
 from sim_node.errors import InvalidInput
@@ -84,16 +85,26 @@ def write_bag_page(recording: Recording, path: Path, controller: str | None) -> 
         InvalidInput: the bag has no markers, the controller is of another robot, or `path` cannot
             be written.
     """
-    facts = [f'Bag {recording.path}, {len(recording.voxel_names)} voxels']
-    thresholds, directional = None, None
+    facts = [
+        f'Bag {recording.path}, {len(recording.voxel_names)} voxels, physics {recording.physics}'
+    ]
+    thresholds, directional, differs = None, None, ''
     if controller:
         trained = load_controller(find_controller(controller))
         thresholds = replayed_thresholds(recording, trained)
         directional = trained.architecture.directional
         facts.append(_described(trained))
+        if trained.solver.physics != recording.physics:
+            differs = (
+                f'The controller was evolved in the physics {trained.solver.physics}, the bag was '
+                f'recorded in {recording.physics}: this is not the walk that evolution scored.'
+            )
+            facts.append(differs)
     write_page(path, walk_page(
         recording, recording.robot, facts=facts, thresholds=thresholds, directional=directional
     ))
+    if differs:
+        print(differs, file=sys.stderr)
 
 
 def write_page(path: Path, page: str) -> None:
@@ -110,8 +121,9 @@ def _described(trained: TrainedController) -> str:
     cells = trained.architecture
     return (
         f'{trained.morphology.name}, {trained.morphology.n_voxels} voxels, {cells.name} '
-        f'{cells.neuron_model}, evolved on {trained.terrain} for {trained.evaluations} '
-        f'evaluations to v_x {trained.fitness:.3f} m/s'
+        f'{cells.neuron_model}, evolved on {trained.terrain} in the physics '
+        f'{trained.solver.physics} for {trained.evaluations} evaluations to v_x '
+        f'{trained.fitness:.3f} m/s'
     )
 
 

@@ -84,12 +84,15 @@ def spin_until(node) -> Callable[[Callable[[], object]], None]:
 def make_controller(tmp_path):
     """Return a function that writes a controller file with random parameters."""
 
-    def make(shape: str = '11-10', name: str = 'U-nD', model: str = 'snn-h', seed: int = 0) -> Path:
+    def make(
+        shape: str = '11-10', name: str = 'U-nD', model: str = 'snn-h', seed: int = 0,
+        **options: object,
+    ) -> Path:
         morphology, architecture = parse_morphology(shape), Architecture.named(name, model)
         rng = np.random.default_rng(seed)
         theta = rng.uniform(-1.0, 1.0, architecture.n_parameters(morphology.n_voxels))
         path = tmp_path / f'{shape}-{name}-{model}-{seed}.npz'
-        save_controller(path, TrainedController(architecture, morphology, theta))
+        save_controller(path, TrainedController(architecture, morphology, theta, **options))
         return path
 
     return make
@@ -211,7 +214,8 @@ def health(node):
 
 def offline(path, seconds):
     trained = load_controller(path)
-    return run_episode(Simulation('11-10'), trained.controller(), seconds).centers
+    simulation = Simulation('11-10', solver=trained.solver)
+    return run_episode(simulation, trained.controller(), seconds).centers
 
 
 def call(node, spin_until, kind, name, **request):

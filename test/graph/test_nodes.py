@@ -54,6 +54,18 @@ BAD = {
     'out of range': ('sim_node', ['-p', 'material.friction:=-1.0'], ['material.friction', '-1.0']),
     'unknown parameter': ('sim_node', ['-p', 'durration:=1.0'], ['durration', "'duration'"]),
     'unknown policy': ('sim_node', ['-p', 'on_silence:=wait'], ['on_silence', 'go_on']),
+    'unknown physics': (
+        'sim_node', ['-p', 'solver.physics:=frist'], ['solver.physics', "'frist'", "'first'"]
+    ),
+    'bundled name': (
+        'sim_node', ['-p', f'controller:={DEFAULT_CONTROLLER}'], ['/sim_node: controller', 'path']
+    ),
+    'no controller file': (
+        'sim_node', ['-p', f'controller:={__file__}'], ['/sim_node', __file__, 'file: got', '.npz']
+    ),
+    'self-collision': (
+        'sim_node', ['-p', 'solver.self_collision:=maybe'], ['solver.self_collision', "'maybe'"]
+    ),
     'no controller': ('voxel_node', ['-p', 'controller:=/nowhere.npz'], ['/nowhere.npz']),
     'no such neighbour': ('voxel_node', ['-p', 'neighbor.left:=x'], ['left', "'x'"]),
     'no such breakage': (

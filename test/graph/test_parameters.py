@@ -1,12 +1,22 @@
 """Node parameters: any value is taken as what was asked for, or refused by name."""
 
+import itertools
+import json
+
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rclpy.parameter import Parameter
 
 from sim_node.errors import InvalidInput
+from sim_node.material import Material
+from sim_node.morphology import parse_morphology
+from sim_node.parameters import simulation_of
 from sim_node.ros import RosNode
+from sim_node.solver import Solver
+from snca_ros.cell.nca import Architecture
+from snca_ros.controller_file import TrainedController, save_controller
 
 VALUES = (
     st.booleans() | st.integers(-(2**63), 2**63 - 1) | st.floats() | st.text(max_size=30)
@@ -43,3 +53,87 @@ def test_unknown_parameters_are_refused(ros, name):
     with pytest.raises(InvalidInput, match='parameter'):
         node.check_unknown_parameters()
     node.destroy_node()
+
+
+def test_a_parameter_of_any_type_keeps_what_is_given(ros):
+    for default, value in itertools.product((False, 'all'), (True, False, 'reference', 3, 2.5)):
+        node = RosNode('any', parameter_overrides=[Parameter('kind', value=value)])
+        taken = node.parameter('kind', default, 'what it is', any_type=True)
+        node.destroy_node()
+        assert type(taken) is type(value)
+        assert taken == value
+
+
+@pytest.fixture
+def simulation(ros):
+    """Return a function that makes the simulation of a node with these parameters."""
+
+    def make(**given):
+        names = {name.replace('__', '.'): value for name, value in given.items()}
+        node = RosNode('sim_node', parameter_overrides=[
+            Parameter(name, value=value) for name, value in names.items()
+        ])
+        try:
+            found = simulation_of(node)
+            node.check_unknown_parameters()
+        finally:
+            node.destroy_node()
+        return found
+
+    return make
+
+
+@pytest.fixture(params=['first', 'reference'])
+def trained(request, tmp_path):
+    """Return a controller whose body is no default one, and its file."""
+    architecture, morphology = Architecture.named('U-nD', 'mlp'), parse_morphology('11-10')
+    trained = TrainedController(
+        architecture, morphology, np.zeros(architecture.n_parameters(3)),
+        terrain='hilly-1-10-0', material=Material(gravity=9, friction=0.5),
+        solver=Solver(2, 20, physics=request.param), chosen_by='batched',
+    )
+    save_controller(tmp_path / 'c.npz', trained)
+    return trained, str(tmp_path / 'c.npz')
+
+
+def test_without_a_controller_all_is_default(simulation):
+    found = simulation()
+    assert found.morphology.same_shape(parse_morphology('biped'))
+    assert (found.terrain.name, found.engine) == ('flat', 'pymunk')
+    assert (found.material, found.solver) == (Material(), Solver(physics='reference'))
+
+
+def test_a_controller_gives_all_of_body_and_world(simulation, trained):
+    controller, path = trained
+    found = simulation(controller=path)
+    assert found.morphology.grid_string == controller.morphology.grid_string
+    assert (found.terrain.name, found.engine) == ('hilly-1-10-0', 'batched')
+    assert (found.material, found.solver) == (controller.material, controller.solver)
+
+
+def test_given_parameters_override_the_controller(simulation, trained):
+    _, path = trained
+    found = simulation(
+        controller=path, morphology='111', terrain='flat', engine='pymunk', material__gravity=1.6,
+        solver__substeps=1, solver__self_collision=True, solver__physics='reference',
+    )
+    assert found.morphology.grid_string == '111'
+    assert (found.terrain.name, found.engine) == ('flat', 'pymunk')
+    assert found.material == Material(gravity=1.6, friction=0.5)
+    assert found.solver == Solver(1, 20, True, 'reference')
+
+
+def test_a_controller_that_names_no_physics_has_the_first(simulation, trained, tmp_path):
+    _, path = trained
+    with np.load(path) as data:
+        header, theta = json.loads(data['header'].item()), data['theta']
+    del header['solver']['physics']
+    np.savez(tmp_path / 'old.npz', header=np.array(json.dumps(header)), theta=theta)
+    assert simulation(controller=str(tmp_path / 'old.npz')).solver == Solver(2, 20, physics='first')
+
+
+def test_only_the_solver_says_what_self_collision_may_be(simulation):
+    assert simulation(solver__self_collision=True).solver.self_collision is True
+    for value in ('yes', 1, ''):
+        with pytest.raises(InvalidInput, match=r'/sim_node: solver\.self_collision: got'):
+            simulation(solver__self_collision=value)

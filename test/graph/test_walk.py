@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from conftest import children_of, is_alive
 
+from sim_node.solver import Solver
 from snca_ros.controller_file import load_controller
 from snca_ros.faults import parse_faults
 from snca_ros.study.bag import read_bag
@@ -35,14 +36,18 @@ def node_of(pid):
         return ''
 
 
-@pytest.mark.parametrize('faults', ['', 'loss=0.5,death=0.7@0.5-1,broken_actuators=random:0.4@1'])
-def test_walk_equals_its_offline_twin(start, make_controller, tmp_path, faults):
-    child = start('walk', make_controller('11-10'), '--duration', 1.5, '--bag', 'bag',
-                  '--faults', faults)
+@pytest.mark.parametrize(('physics', 'faults'), [
+    ('reference', ''), ('first', 'loss=0.5,death=0.7@0.5-1,broken_actuators=random:0.4@1'),
+])
+def test_walk_equals_its_offline_twin(start, make_controller, tmp_path, physics, faults):
+    path = make_controller('11-10', solver=Solver(physics=physics))
+    child = start('walk', path, '--duration', 1.5, '--bag', 'bag', '--faults', faults)
     output, _ = child.communicate(timeout=90)
     assert child.returncode == 0, output
     assert '91 positions of the centre, bit for bit the same' in output
     assert 'Traceback' not in output
+    assert f'physics    {physics}\n' in output
+    assert 'was evolved in' not in output
     assert {'metadata.yaml', 'bag.mcap', 'report.png'} <= {
         p.name for p in (tmp_path / 'bag').iterdir()
     }

@@ -389,6 +389,7 @@ WRONG = {
     'solver.substeps': [*NOT_A_SIZE, 101],
     'solver.iterations': [*NOT_A_SIZE, 1001],
     'solver.self_collision': [None, 0, 'no', [], {}],
+    'solver.physics': [None, 0, True, '', 'References', [], {}],
     'fitness': [None, True, '1', [], {}, 10**400],
     'seed': [None, True, 1.5, '0', [], {}, -1],
     'evaluations': [None, True, 1.5, '0', [], {}, -1],

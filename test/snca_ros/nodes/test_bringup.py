@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_node.errors import InvalidInput
 from sim_node.morphology import parse_morphology
+from sim_node.physics import PHYSICS
+from sim_node.solver import Solver
 from snca_ros.cell.nca import Architecture
 from snca_ros.controller_file import TrainedController
 from snca_ros.nodes.bringup import WalkOptions, choose_voxels, describe_graph
@@ -42,6 +45,23 @@ def test_any_text_chooses_voxels_or_is_refused(only):
     except InvalidInput:
         return
     assert set(chosen) <= set(BIPED.voxel_names)
+
+
+@pytest.mark.parametrize('physics', PHYSICS)
+@pytest.mark.parametrize('only', ['', '1/2', 'none'])
+def test_the_simulation_gets_all_of_the_controllers_solver(tmp_path, physics, only):
+    architecture = Architecture.named('U-nD', 'mlp')
+    solver = Solver(2, 20, True, physics)
+    trained = TrainedController(
+        architecture, BIPED, np.zeros(architecture.n_parameters(10)), solver=solver
+    )
+    graph = describe_graph(tmp_path, trained, WalkOptions(only=only))
+    nodes = yaml.safe_load(graph.parameters_yaml())
+    given = nodes['/biped/sim_node']['ros__parameters']
+    prefix = 'solver.'
+    assert solver == Solver(**{
+        name.removeprefix(prefix): value for name, value in given.items() if prefix in name
+    })
 
 
 def test_voxels_of_a_share_know_all_their_neighbours(tmp_path):

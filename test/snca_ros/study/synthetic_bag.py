@@ -33,6 +33,7 @@ class Walk:
     values: np.ndarray | None = None  # (n, n_voxels, n_channels)
     corners: np.ndarray | None = None  # (n + 1, n_voxels, 4, 2)
     ground: np.ndarray | None = None  # (n_points, 2)
+    episode: str = 'r5f0c17e'  # its name; empty in bags that are older than names of episodes
 
 
 def make_walk(
@@ -138,19 +139,20 @@ def messages_of_step(walk: Walk, step: int, robot: str = 'biped') -> list[Messag
         out.append((f'/{robot}/markers', markers({'ground': walk.ground})))
     if step == len(walk.actuation):
         return out
-    for i, voxel in enumerate(walk.voxels):
+    frames = [f'{voxel}@{walk.episode}' if walk.episode else voxel for voxel in walk.voxels]
+    for i, (voxel, frame) in enumerate(zip(walk.voxels, frames, strict=True)):
         out.append((
-            f'/{robot}/{voxel}/sensors', joint_state(step, voxel, SENSORS, walk.readings[step, i])
+            f'/{robot}/{voxel}/sensors', joint_state(step, frame, SENSORS, walk.readings[step, i])
         ))
-    for i, voxel in enumerate(walk.voxels):
+    for i, (voxel, frame) in enumerate(zip(walk.voxels, frames, strict=True)):
         if walk.spikes is not None:
             pixels = walk.spikes[step, i] * np.uint8(255)
-            out.append((f'/{robot}/{voxel}/spikes', image(step, voxel, 'mono8', pixels)))
+            out.append((f'/{robot}/{voxel}/spikes', image(step, frame, 'mono8', pixels)))
         if walk.values is not None:
             pixels = walk.values[step, i][:, None]
-            out.append((f'/{robot}/{voxel}/values', image(step, voxel, '64FC1', pixels)))
+            out.append((f'/{robot}/{voxel}/values', image(step, frame, '64FC1', pixels)))
         a = walk.actuation[step, i]
-        out.append((f'/{robot}/{voxel}/actuation', joint_state(step, voxel, [voxel], a)))
+        out.append((f'/{robot}/{voxel}/actuation', joint_state(step, frame, [voxel], a)))
     return out
 
 

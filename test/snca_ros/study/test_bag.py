@@ -5,6 +5,7 @@ import itertools
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -67,6 +68,7 @@ def test_every_number_comes_back(tmp_path, storage):
     bag = read_bag(write_messages(tmp_path / 'bag', messages_of_walk(walk), storage))
     assert (bag.robot, bag.n_steps, bag.closed) == ('biped', N_STEPS + 1, True)
     assert bag.voxel_names == walk.voxels
+    assert bag.physics == 'reference'
     np.testing.assert_array_equal(bag.centers, walk.centers)
     np.testing.assert_array_equal(bag.readings[:-1], walk.readings)
     np.testing.assert_array_equal(bag.actuation[:-1], walk.actuation)
@@ -90,6 +92,33 @@ def test_values_of_cells_that_do_not_spike(tmp_path):
     bag = read_bag(write_messages(tmp_path / 'bag', messages_of_walk(walk)))
     np.testing.assert_array_equal(bag.values[:-1], values)
     assert bag.spikes is None
+
+
+@pytest.mark.parametrize(('episode', 'physics'), [
+    ('', 'first'), ('5f0c17e2', 'first'), ('r5f0c17e', 'reference'), ('x5f0c17e', 'unknown'),
+    ('ψ@5f0c17', 'unknown'),
+])
+def test_physics_comes_from_the_name_of_the_episode(tmp_path, episode, physics):
+    walk = replace(make_walk(N_STEPS), episode=episode)
+    assert read_bag(write_messages(tmp_path / 'bag', messages_of_walk(walk))).physics == physics
+
+
+def test_every_episode_has_its_own_physics_and_forged_names_do_not_count(tmp_path):
+    first, second = (
+        messages_of_walk(replace(make_walk(N_STEPS), episode=name))
+        for name in ('5f0c17e2', 'r5f0c17e')
+    )
+    forged = joint_state(2, 'voxel_0_0@r0000000', ['voxel_0_0'], np.zeros(1))
+    first[2].insert(0, ('/biped/voxel_0_0/actuation', forged))
+    bag = write_messages(tmp_path / 'bag', [*first, *second])
+    assert [read_bag(bag, episode).physics for episode in (0, 1)] == ['first', 'reference']
+
+
+def test_a_bag_in_which_no_voxel_says_anything_has_no_known_physics(tmp_path):
+    messages = [[m for m in step if 'voxel' not in m[0]] for step in messages_of_walk(make_walk(5))]
+    silent = {'/biped/voxel_0_0/sensors': 'sensor_msgs/msg/JointState'}
+    bag = read_bag(write_messages(tmp_path / 'bag', messages, silent=silent))
+    assert bag.physics == 'unknown'
 
 
 def test_voxels_are_in_the_order_of_the_morphology(tmp_path):

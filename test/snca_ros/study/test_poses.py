@@ -7,7 +7,9 @@ import pytest
 from synthetic_bag import TYPES, make_walk, markers, messages_of_walk, write_messages
 
 from sim_node.morphology import parse_morphology
+from sim_node.physics import PHYSICS
 from sim_node.simulation import Simulation
+from sim_node.solver import Solver
 from snca_ros.cell.nca import Architecture
 from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.locomotion import run_episode
@@ -72,11 +74,14 @@ def trained_controller(model='snn-h', **options):
     return TrainedController(architecture, morphology, theta)
 
 
+@pytest.mark.parametrize('physics', PHYSICS)
 @pytest.mark.parametrize('model', ['snn-h', 'snn', 'mlp'])
-def test_an_offline_walk_is_the_episode(tmp_path, model):
-    trained = trained_controller(model)
+def test_an_offline_walk_is_the_episode(tmp_path, model, physics):
+    trained = replace(trained_controller(model), solver=Solver(physics=physics))
     recording, thresholds = record_offline(trained, tmp_path, 1.0, 'hilly-1-10-0')
-    episode = run_episode(Simulation('11-10', 'hilly-1-10-0'), trained.controller(), 1.0)
+    simulation = Simulation('11-10', 'hilly-1-10-0', solver=trained.solver)
+    episode = run_episode(simulation, trained.controller(), 1.0)
+    assert recording.physics == physics
     np.testing.assert_array_equal(recording.centers, episode.centers)
     assert recording.heard.sum() == 60 * 3
     assert (recording.spikes is None) == (model == 'mlp')

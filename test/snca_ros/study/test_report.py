@@ -30,6 +30,7 @@ def test_what_it_prints(bag, capsys):
     gait = measure_gait(read_bag(bag))
     words = [line.split() for line in out.splitlines()]
     assert ['v_x', repr(gait.velocity), 'm/s', '(whole', 'walk)'] in words
+    assert ['physics', 'reference'] in words
     assert ['voxel_0_0', f'{gait.firing_rates[0]:.1f}', f'{gait.frequencies[0]:.2f}'] in words
     assert ['spikes', '60', '58', '2'] in words
     assert ['sensors', '60', '60', '0'] in words
@@ -76,6 +77,7 @@ def test_json_and_figure_where_one_wants_them(bag, tmp_path):
     told = json.loads(numbers.read_text())
     gait = measure_gait(read_bag(bag))
     assert told['v_x'] == gait.velocity
+    assert told['physics'] == 'reference'
     assert told['voxels']['voxel_1_0']['frequency'] == gait.frequencies[1]
     assert told['topics']['/biped/voxel_1_0/spikes'] == {
         'sent': 30, 'received': 28, 'lost': 2, 'refused': 0

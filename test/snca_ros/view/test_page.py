@@ -1,6 +1,7 @@
 """The page in a browser: it loads, plays, scrubs, and shows the right thing at the right time."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,8 @@ from synthetic_bag import Walk, messages_of_walk, write_messages
 from test_frames import made_recording
 
 from sim_node.morphology import parse_morphology
+from sim_node.physics import PHYSICS
+from sim_node.solver import Solver
 from snca_ros.cell.nca import Architecture
 from snca_ros.cli import BAD_INPUT, main
 from snca_ros.controller_file import TrainedController, save_controller
@@ -238,6 +241,20 @@ def test_a_bag_becomes_a_page_beside_it(bag, capsys):
     assert main(['replay', str(bag)]) == 0
     assert f'page: {bag / "replay.html"}' in capsys.readouterr().out
     assert not re.search(r'(src|href)="(?!data:)', (bag / 'replay.html').read_text())
+
+
+@pytest.mark.parametrize('command', [['replay'], ['report', '--html']])
+@pytest.mark.parametrize('physics', PHYSICS)
+def test_a_controller_of_another_physics_than_the_bag_is_said_so(
+    trained, bag, tmp_path, capsys, command, physics
+):
+    path, words = tmp_path / 'c.npz', 'evolved in the physics first, the bag was recorded in'
+    save_controller(path, replace(trained, solver=Solver(physics=physics)))
+    assert main([command[0], str(bag), *command[1:], '--controller', str(path)]) == 0
+    err, page = capsys.readouterr().err, (bag / 'replay.html').read_text()
+    assert 'voxels, physics reference</p>' in page
+    assert f'evolved on flat in the physics {physics} for' in page
+    assert err.count('\n') == err.count(words) == page.count(words) == (physics == 'first')
 
 
 def test_bad_input_is_told_in_one_line(bag, controller, tmp_path, capsys):

@@ -1,0 +1,64 @@
+"""What one voxel takes from the controller file: its cell, its faults, and the physics."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sim_node.compiled import warm_up
+from sim_node.errors import InvalidInput
+from sim_node.sensors import N_SENSORS
+from snca_ros.cell.cells import Cells
+from snca_ros.cell.nca import Architecture
+from snca_ros.controller import weights_of
+from snca_ros.controller_file import load_controller
+from snca_ros.faults import CellFaults, Faults, VoxelFaults
+
+
+@dataclass(frozen=True)
+class OwnPart:
+    """One voxel's part of a controller.
+
+    Attributes:
+        architecture: what kind of cell.
+        cells: the one cell, ready to step.
+        faults: what goes wrong with it.
+        physics: of the simulation that the controller was evolved in.
+    """
+
+    architecture: Architecture
+    cells: Cells
+    faults: VoxelFaults
+    physics: str
+
+
+def load_own_part(path: str, voxel: str, faults: dict[str, Any], where: str) -> OwnPart:
+    """Load the part of one voxel, its cell compiled.
+
+    Args:
+        path: of the controller file.
+        voxel: its name.
+        faults: of all cells, as parameters of `Faults`.
+        where: the source of `path` and `faults`, for errors.
+
+    Raises:
+        InvalidInput: there is no such file or voxel, or a fault is off.
+    """
+    if not path:
+        raise InvalidInput('controller', path, 'a controller file (.npz)', where)
+    trained = load_controller(path)
+    try:
+        index = trained.morphology.index_of(voxel)
+    except InvalidInput as error:
+        raise error.found_in(path) from None
+    try:
+        of_cells = CellFaults(Faults(**faults), trained.morphology)
+    except InvalidInput as error:
+        raise error.found_in(where) from None
+    n_voxels = trained.morphology.n_voxels
+    weights = weights_of(trained.architecture, trained.theta, n_voxels, index)
+    cells = Cells(trained.architecture, weights[np.newaxis])
+    warm_up('cell', lambda: cells.step_cell(0, np.zeros(N_SENSORS), cells.silence(), 0))
+    return OwnPart(
+        trained.architecture, cells, VoxelFaults(of_cells, index), trained.solver.physics
+    )

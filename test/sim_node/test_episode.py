@@ -1,0 +1,49 @@
+"""Names of episodes: of eight characters, all different, each with its physics."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_node import episode
+from sim_node.physics import PHYSICS
+
+
+@pytest.mark.parametrize('physics', PHYSICS)
+def test_a_name_says_its_physics(physics):
+    names = {episode.new_episode(physics).tobytes() for _ in range(100)}
+    assert len(names) == 100
+    for name in names:
+        assert len(name) == len(episode.EXAMPLE_EPISODE) == 8
+        assert name.isascii()
+        assert episode.physics_of_episode(name) == physics
+        frame = episode.frame_of('voxel_3_1', name)
+        episode.check_frame('voxel_3_1', frame)
+        assert episode.episode_of(frame) == name
+
+
+def test_every_physics_has_an_initial_of_its_own():
+    initials = list(episode._INITIALS.values())
+    assert set(episode._INITIALS) == set(PHYSICS)
+    assert len(set(initials)) == len(initials)
+    assert not set(''.join(initials)) & set('0123456789abcdef')
+    assert max(map(len, initials)) <= 1
+
+
+@pytest.mark.parametrize(('name', 'physics'), [
+    (b'', 'first'), (b'5f0c17e2', 'first'), (b'r5f0c17e', 'reference'),
+    (b'x5f0c17e', 'unknown'), (b'R5f0c17e', 'unknown'), (b'5F0C17E2', 'unknown'),
+    (b'r5f0c17', 'unknown'), (b'r5f0c17e2', 'unknown'), (b'5f0c17e2\n', 'unknown'),
+    (episode.EXAMPLE_EPISODE, 'unknown'),
+])
+def test_names_of_old_bags_and_of_others(name, physics):
+    assert episode.physics_of_episode(name) == physics
+
+
+@given(st.binary(max_size=20), st.text(max_size=30))
+def test_any_name_and_frame_are_read(name, frame):
+    assert episode.physics_of_episode(name) in (*PHYSICS, episode.UNKNOWN_PHYSICS)
+    assert isinstance(episode.episode_of(frame), bytes)
+
+
+def test_a_frame_of_old_bags_has_no_episode():
+    assert episode.episode_of('voxel_0_0') == b''
