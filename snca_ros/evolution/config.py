@@ -65,11 +65,11 @@ class RunConfig:
         check_engine(self.engine, self.solver)
         check_strategy(self.strategy)
 
-    def simulation(self) -> Simulation:
-        """Return the simulation of an episode."""
+    def simulation(self, push: int = 0) -> Simulation:
+        """Return the simulation of an episode, from a pushed start if `push` is not 0."""
         return Simulation(
             self.shape, self.terrain,
-            material=self.material, solver=self.solver, engine=self.engine,
+            material=self.material, solver=self.solver, engine=self.engine, push=push,
         )
 
     def new_strategy(self) -> Strategy:

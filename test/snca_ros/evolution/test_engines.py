@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 
 from sim_node.errors import InvalidInput
+from sim_node.simulation import Simulation
 from sim_node.solver import Solver
 from snca_ros.cell.nca import Architecture
+from snca_ros.controller import Controller
 from snca_ros.controller_file import load_controller
 from snca_ros.evolution.checkpoint import RunFolder
 from snca_ros.evolution.config import RunConfig
-from snca_ros.evolution.evaluator import Evaluator, group_width
+from snca_ros.evolution.evaluator import Evaluator, evaluate, group_width
 from snca_ros.evolution.evolve import evolve
+from snca_ros.evolution.locomotion import run_episode
 from snca_ros.evolution.workers import IN_PROCESS, local_workers
 
 CONFIG = RunConfig(
@@ -95,6 +98,20 @@ def test_a_run_in_pymunk_is_not_judged_twice(tmp_path):
     assert progress.reassessed.shape == (0,)
     trained = load_controller(tmp_path / 'run' / 'best.npz')
     assert trained.v_x == {'pymunk': trained.fitness}
+
+
+@pytest.mark.parametrize('engine', ['batched', 'pymunk'])
+def test_pushed_starts_are_those_of_the_simulation(engine):
+    config = replace(CONFIG, engine=engine)
+    thetas = np.random.default_rng(0).uniform(-1.0, 1.0, (3, config.n_parameters))
+    pushes = (0, 3, 101, 0)
+    found = [list(evaluate(IN_PROCESS, config, thetas, push)) for push in pushes]
+    for push, of_push in zip(pushes, found, strict=True):
+        simulation = Simulation('worm-3x1', engine=engine, push=push)
+        controllers = [Controller(config.architecture, simulation.morphology, t) for t in thetas]
+        episodes = [run_episode(simulation, c, config.duration) for c in controllers]
+        assert of_push == [episode.velocity(config.transient) for episode in episodes]
+    assert found[0] == found[-1] != found[1] != found[2]
 
 
 @pytest.mark.parametrize(('n', 'width'), [(1, 4), (4, 4), (5, 8), (16, 16), (18, 16)])
