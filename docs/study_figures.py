@@ -9,20 +9,21 @@ from snca_ros.study.contrasts import contrasts, shown_contrasts
 
 ROOT = Path(__file__).resolve().parents[1]
 FIGURES = ROOT / 'docs' / 'figures'
+FIRST = ROOT / 'results' / 'first-physics'
 SHOWN = {
-    'paper-main': ('paper', ('boxes', 'curves', 'frequency', 'luck')),
-    'paper-supplement': ('paper', ('medians',)),
-    'strategies': ('strategies', ('curves',)),
+    'first-physics/paper-main': (FIRST / 'paper', ('boxes', 'curves', 'frequency', 'luck')),
+    'first-physics/paper-supplement': (FIRST / 'paper', ('medians',)),
+    'strategies': (FIRST / 'strategies', ('curves',)),
 }
 """Campaign to its results folder, and the kinds of figures that are shown of it."""
 
 
 def figures() -> dict[str, str]:
-    """Return the SVG text of every figure by its name, such as paper-main/boxes-biped."""
+    """Return the SVG text of every figure by its name, such as strategies/curves-biped."""
     found = {}
     for campaign, (results, kinds) in SHOWN.items():
         file = ROOT / 'config' / 'experiments' / f'{campaign}.yaml'
-        cases = read_cases([ROOT / 'results' / results], [file])
+        cases = read_cases([results], [file])
         for kind, shape, svg in draw_all(cases, shown_contrasts(contrasts(cases))):
             if kind in kinds:
                 found[f'{campaign}/{kind}-{shape}'] = svg

@@ -1,54 +1,81 @@
-"""Puts the fastest controller of each shape and type of the paper's campaign into the box.
+"""Puts the robust controller of each case of the paper's campaign into the box.
 
     python scripts/fill_box.py [RUNS]
 
-Fastest is the mean over pushed starts in results/paper/. RUNS (default runs/) is where the run
-folders of the campaign are: of the default controller the box holds configuration and history too.
+Of each case it is that of the run whose robust controller has the largest mean of v_x over the
+starts 101 to 120, by the table in results/paper/. RUNS (default runs/) is where the run folders of
+the campaign are: of the default controller the box holds configuration and history too.
 """
 
-import re
 import shutil
 import sys
 from pathlib import Path
 
 from snca_ros.box import DEFAULT_CONTROLLER
 from snca_ros.files import write_text
-from snca_ros.study.cases import Run, fastest, read_cases
+from snca_ros.study.cases import ROBUST, Run, read_cases
 
 ROOT = Path(__file__).resolve().parents[1]
 BOX, RESULTS = ROOT / 'config' / 'controllers', ROOT / 'results' / 'paper'
-_TABLE = re.compile(r'(^\| name .*\n\|---.*\n)(?:\|.*\n)*', re.MULTILINE)
-_SEED = re.compile(r'(--evaluations 30000 --seed )\d+')
+CAMPAIGN = ROOT / 'config' / 'experiments' / 'paper-main.yaml'
+
+README = """# Controllers in the box
+
+One of each shape and type of controller of the paper's main campaign
+(`config/experiments/paper-main.yaml`), whose results are in `results/paper/`. A run is 30,000
+evaluations in the batched engine. Its robust controller is the one of its last whole population
+with the best mean of v_x over 20 starts pushed by up to 1e-6 m (starts 1 to 20, in the engine of
+the run). Here is the robust controller with the largest mean over 20 other starts (101 to 120, in
+pymunk); `python scripts/fill_box.py` puts it here. [findings.md](../../docs/findings.md) compares
+all runs, and [robustness.md](../../docs/robustness.md) has figures of the bipeds.
+
+| name | run | v_x [m/s]: mean ± deviation over pushed starts | mean over unseen terrains |
+|---|---|---|---|
+{rows}
+`{default}` is what `snca walk` runs if nothing is named; `.yaml` and `.csv` beside it are
+its run (`config.yaml`) and its whole history, a row per generation. The same campaign gives the
+same files, bit for bit, on the same C library and versions of numpy, numba and pymunk (the header
+of a file tells the versions).
+"""
+"""The README of the box; its rows are those of `row_of`."""
 
 
-def champions() -> dict[str, Run]:
-    """Return the fastest run of each shape and type of controller, by its name in the box."""
-    cases = read_cases([RESULTS], [ROOT / 'config' / 'experiments' / 'paper-main.yaml'])
+def champions(results: Path = RESULTS, campaign: Path = CAMPAIGN) -> dict[str, Run]:
+    """Return the run of each shape and type of controller, by the name in the box."""
     return {
-        f'{shape}-{controller.architecture}-{controller.neuron_model}': fastest(runs)
-        for shape, of_shape in cases.items() for controller, runs in of_shape.items()
+        f'{shape}-{controller.architecture}-{controller.neuron_model}':
+            max(runs, key=lambda run: run.value(ROBUST))
+        for shape, of_shape in read_cases([results], [campaign]).items()
+        for controller, runs in of_shape.items()
     }
 
 
-def table_row(name: str, run: Run) -> str:
-    """Return the row of the box's README."""
-    speeds = (run.value(f'v_x{what}') for what in ('', '_starts_mean', '_starts_std'))
-    return '| `{}` | `{}` | {:.2f} | {:.2f} ± {:.2f} |\n'.format(name, run.row['run'], *speeds)
+def row_of(name: str, run: Run) -> str:
+    """Return the row of a controller in the README of the box."""
+    mean, std, unseen = (run.value(f'v_x_robust_{what}') for what in ('mean', 'std', 'unseen'))
+    return f'| `{name}` | `{run.row["run"]}` | {mean:.2f} ± {std:.2f} | {unseen:.2f} |\n'
 
 
-def fill(runs: Path) -> None:
+def readme(found: dict[str, Run]) -> str:
+    """Return the README of a box that holds the robust controllers of these runs."""
+    rows = ''.join(row_of(name, run) for name, run in found.items())
+    return README.format(rows=rows, default=DEFAULT_CONTROLLER)
+
+
+def controller_of(run: Run) -> Path:
+    """Return the file of the robust controller of a run."""
+    return run.history.parents[1] / 'controllers' / f'{run.row["run"]}-robust.npz'
+
+
+def fill(runs: Path, found: dict[str, Run], box: Path = BOX) -> None:
     """Fill the box anew."""
-    found = champions()
     for name, run in found.items():
-        best = RESULTS / 'controllers' / f'{run.row["run"]}.npz'
-        shutil.copyfile(best, BOX / f'{name}.npz')
-    default = found[DEFAULT_CONTROLLER].row
+        shutil.copyfile(controller_of(run), box / f'{name}.npz')
+    default = runs / found[DEFAULT_CONTROLLER].row['run']
     for file, suffix in (('config.yaml', '.yaml'), ('history.csv', '.csv')):
-        shutil.copyfile(runs / default['run'] / file, BOX / f'{DEFAULT_CONTROLLER}{suffix}')
-    rows = ''.join(table_row(name, run) for name, run in found.items())
-    text = _TABLE.sub(lambda table: table[1] + rows, (BOX / 'README.md').read_text())
-    write_text(BOX / 'README.md', _SEED.sub(rf'\g<1>{default["seed"]}', text))
+        shutil.copyfile(default / file, box / f'{DEFAULT_CONTROLLER}{suffix}')
+    write_text(box / 'README.md', readme(found))
 
 
 if __name__ == '__main__':
-    fill(Path(sys.argv[1] if len(sys.argv) > 1 else 'runs'))
+    fill(Path(sys.argv[1] if len(sys.argv) > 1 else 'runs'), champions())

@@ -136,12 +136,52 @@ _KINDS: dict[str, tuple[str, str, Callable]] = {
     'downhill': ('downhill-<degrees>', rf'downhill-{_NUMBER}', _slope),
 }
 
-UNSEEN_TERRAINS = (
-    *(f'hilly-{s}-0' for s in ('0.5-10', '0.5-20', '1-10', '1-20', '2-20', '2-30')),
-    *(f'steppy-{s}-0' for s in ('0.25-10', '0.25-20', '0.5-10', '0.5-20', '1-20', '1-30')),
-    'downhill-10',
-    'downhill-20',
-    'uphill-10',
-    'uphill-20',
+_IRREGULAR = (
+    *(f'hilly-{size}' for size in ('0.5-10', '0.5-20', '1-10', '1-20', '2-20', '2-30')),
+    *(f'steppy-{size}' for size in ('0.25-10', '0.25-20', '0.5-10', '0.5-20', '1-20', '1-30')),
 )
-"""The 16 terrains of the re-assessment (paper, section 4.1; the values are this project's)."""
+_SLOPES = ('downhill-10', 'downhill-20', 'uphill-10', 'uphill-20')
+
+UNSEEN_KINDS = (*_IRREGULAR, *_SLOPES)
+"""The 16 kinds of terrain of the re-assessment (paper, section 4.1; the values are this project's):
+names without a seed. Slopes have none, so that theirs are names of terrains too."""
+
+MOST_TERRAIN_SEEDS = 1000
+"""Of each irregular kind, that `unseen_terrains` gives."""
+
+
+def unseen_terrains(n_seeds: int = 1) -> dict[str, tuple[str, ...]]:
+    """Return the names of the unseen terrains of each of `UNSEEN_KINDS`.
+
+    The i-th irregular kind, i from 1 to 12, has the seeds i, i + 12, i + 24, ...: no two terrains
+    share a seed, and a larger number of seeds only adds terrains. A slope is one terrain.
+
+    Args:
+        n_seeds: of each irregular kind, from 1 to `MOST_TERRAIN_SEEDS`.
+
+    Raises:
+        InvalidInput: the number is out of range.
+    """
+    is_number = isinstance(n_seeds, int) and not isinstance(n_seeds, bool)
+    if not is_number or not 1 <= n_seeds <= MOST_TERRAIN_SEEDS:
+        raise InvalidInput('terrain_seeds', n_seeds, f'an integer from 1 to {MOST_TERRAIN_SEEDS}')
+    irregular = {
+        kind: tuple(f'{kind}-{i + len(_IRREGULAR) * j}' for j in range(n_seeds))
+        for i, kind in enumerate(_IRREGULAR, 1)
+    }
+    return {**irregular, **{kind: (kind,) for kind in _SLOPES}}
+
+
+DEFAULT_TERRAIN_SET, FIRST_TERRAIN_SET = 'seeds-1-12', 'seed-0'
+"""Names of the unseen terrains that controllers are assessed on, and of those of the first results.
+"""
+
+TERRAIN_SETS = {
+    DEFAULT_TERRAIN_SET: tuple(name for names in unseen_terrains().values() for name in names),
+    FIRST_TERRAIN_SET: (*(f'{kind}-0' for kind in _IRREGULAR), *_SLOPES),
+}
+"""The unseen terrains by the name of their set, each in the order of `UNSEEN_KINDS`. In the set of
+the first results all rises are one sequence of random numbers, scaled."""
+
+UNSEEN_TERRAINS = TERRAIN_SETS[DEFAULT_TERRAIN_SET]
+"""The 16 terrains of the re-assessment."""

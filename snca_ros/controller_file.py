@@ -5,6 +5,7 @@ The body's part of the format is read by `sim_node.body_file`.
 
 import functools
 import json
+import subprocess
 from dataclasses import asdict, dataclass, field
 from importlib import metadata
 from pathlib import Path
@@ -17,11 +18,13 @@ from sim_node.errors import InvalidInput, check_keys
 from sim_node.material import Material
 from sim_node.morphology import Morphology
 from sim_node.solver import ENGINES, Solver
+from snca_ros import __version__
 from snca_ros.cell.nca import Architecture
 from snca_ros.controller import Controller
 from snca_ros.faults import Faults
 from snca_ros.files import write_atomically
 
+_GIT_LIMIT = 30.0  # s
 _FIELDS = (
     'format_version', 'architecture', 'morphology', 'terrain', 'material', 'solver',
     'fitness', 'seed', 'evaluations', 'versions', 'chosen_by', 'v_x',
@@ -42,7 +45,7 @@ class TrainedController:
         chosen_by: the engine of that episode.
         v_x: v_x [m/s] of one episode in each engine that scored it.
         seed, evaluations: of the run that found them.
-        versions: packages that were used, name to version.
+        versions: packages that were used, name to version, and 'code', see `code_version`.
     """
 
     architecture: Architecture
@@ -63,10 +66,42 @@ class TrainedController:
         return Controller(self.architecture, self.morphology, self.theta, faults)
 
 
+_CODE = 'sim_node', 'snca_ros'  # what of a checkout decides an episode's result
+
+
+@functools.cache
+def code_version() -> str:
+    """Return which code runs: the commit that last changed it, or the version of the package.
+
+    In a git checkout it is the first 12 digits of the last commit that changed one of the two
+    packages, and '-dirty' if they are not as committed: commits of documents or results leave it as
+    it is. Elsewhere, or without git, it is the version of the package. A process asks once.
+    """
+    root = Path(__file__).resolve().parents[1]
+    if (root / '.git').exists():
+        git = ['git', '--no-optional-locks', '-C', str(root)]
+        try:
+            commit, changes = (
+                subprocess.run(
+                    [*git, *command, '--', *_CODE],
+                    capture_output=True, text=True, check=True, timeout=_GIT_LIMIT,
+                ).stdout.strip()
+                for command in (
+                    ('log', '-1', '--format=%h', '--abbrev=12'),
+                    ('status', '--porcelain', '--untracked-files=no'),
+                )
+            )
+        except (OSError, subprocess.SubprocessError):
+            commit = ''
+        if commit:
+            return f'{commit}-dirty' if changes else commit
+    return __version__
+
+
 @functools.cache
 def package_versions() -> dict[str, str]:
-    """Return the versions of the packages that decide an episode's result."""
-    versions = {}
+    """Return the versions of the packages that decide an episode's result, and of the code."""
+    versions = {'code': code_version()}
     for name in ('snca_ros', 'numpy', 'numba', 'pymunk'):
         try:
             versions[name] = metadata.version(name)

@@ -71,7 +71,8 @@ class Robots:
         material: physical constants.
         solver: sub-steps and iterations.
         width: number of robots W.
-        push: as of `sim_node.body.pushed`, the same for all; 0 is none.
+        push: of a `reset` that names none, as of `sim_node.body.pushed`: the same for all; 0 is
+            none.
 
     Attributes:
         group: their state, which compiled code steps.
@@ -90,13 +91,17 @@ class Robots:
         width: int = WIDTH,
         push: int = 0,
     ) -> None:
-        self._body = pushed(build_body(morphology, terrain, material), push)
+        self._body, self._push = build_body(morphology, terrain, material), push
         self.group: Group = make_group(self._body, terrain.polygons, material, solver, width)
         self.reset()
 
-    def reset(self) -> None:
-        """Put all robots down at rest."""
-        put_down(self.group, self._body)
+    def reset(self, push: int | None = None) -> None:
+        """Put all robots down at rest.
+
+        Args:
+            push: as of `sim_node.body.pushed`, the same for all; by default that of these robots.
+        """
+        put_down(self.group, pushed(self._body, self._push if push is None else push))
         self.step_count = 0
         advance_group(self.group, 0)
 

@@ -6,14 +6,14 @@ are written from it, so that a run killed at any moment goes on as if it had nev
 
 import csv
 import io
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from sim_node.errors import InvalidInput
 from sim_node.morphology import parse_morphology
-from snca_ros.controller_file import TrainedController, save_controller
+from snca_ros.controller_file import TrainedController, load_controller, save_controller
 from snca_ros.evolution.config import RunConfig
 from snca_ros.files import LOCK, hold_folder, write_atomically, write_text
 
@@ -26,6 +26,21 @@ def _unwritable(path: Path, error: OSError) -> InvalidInput:
     return InvalidInput('run', reason, 'a folder that can be written', str(path))
 
 
+_SINCE = 'reassessed', 'other_engine', 'population', 'population_fitness'
+"""Entries that checkpoints of one version or another do not have; they may be empty."""
+
+
+def _holds(path: Path, trained: TrainedController) -> bool:
+    """Tell whether the controller file at `path` holds `trained`, whichever versions wrote it."""
+    try:
+        found = load_controller(path)
+    except InvalidInput:
+        return False
+    if not np.array_equal(found.theta, trained.theta):
+        return False
+    return replace(found, theta=trained.theta, versions=trained.versions) == trained
+
+
 @dataclass
 class Progress:
     """Where a run stands.
@@ -33,12 +48,21 @@ class Progress:
     Attributes:
         strategy: the strategy's state.
         history: a row of `HISTORY` per generation.
-        reassessed: v_x [m/s] of the best quarter in the pymunk engine, best of the run's engine
-            first; empty before the end, and of runs in that engine.
+        whole: individuals and fitness, the best first, of the last population whose generation was
+            whole, if the budget has cut the last generation short; else None.
+        v_x_other: v_x [m/s] of the best individual in the engine that the run does not evolve in;
+            NaN if that engine cannot run it, None before the end.
+        by_old_rules: whether an earlier version has finished the run: it kept no `whole`
+            population, and chose among the best quarter of a batched run by `reassessed`.
+        reassessed: v_x [m/s] of that quarter in the pymunk engine, best of the run's engine first;
+            empty of all other runs.
     """
 
     strategy: dict[str, np.ndarray] = field(default_factory=dict)
     history: list[tuple[float, ...]] = field(default_factory=list)
+    whole: tuple[np.ndarray, np.ndarray] | None = None
+    v_x_other: float | None = None
+    by_old_rules: bool = False
     reassessed: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     @property
@@ -46,17 +70,28 @@ class Progress:
         """Return the evaluations spent."""
         return int(self.history[-1][1]) if self.history else 0
 
-    def chosen(self, engine: str) -> tuple[int, str, dict[str, float]]:
+    @property
+    def population(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return individuals, (n, n_parameters), and fitness, (n,), of the last whole population.
+
+        The best is first. Of a budget below one generation it is what there is.
+        """
+        return self.whole or (self.strategy['individuals'], self.strategy['fitness'])
+
+    def chosen(self, config: RunConfig) -> tuple[int, str, dict[str, float]]:
         """Return the number of the best individual, the engine that says so, and its v_x in each.
 
         Args:
-            engine: that of the run.
+            config: of the run.
         """
-        fitness = self.strategy['fitness']
-        if not len(self.reassessed):
-            return 0, engine, {engine: float(fitness[0])}
-        i = int(np.argmax(self.reassessed))
-        return i, 'pymunk', {engine: float(fitness[i]), 'pymunk': float(self.reassessed[i])}
+        fitness, engine = self.strategy['fitness'], config.engine
+        if len(self.reassessed):
+            i = int(np.argmax(self.reassessed))
+            return i, 'pymunk', {engine: float(fitness[i]), 'pymunk': float(self.reassessed[i])}
+        v_x = {engine: float(fitness[0])}
+        if self.v_x_other is not None and not np.isnan(self.v_x_other):
+            v_x[config.other_engine] = self.v_x_other
+        return 0, engine, v_x
 
 
 class RunFolder:
@@ -120,27 +155,49 @@ class RunFolder:
         try:
             with np.load(path, allow_pickle=False) as data:
                 arrays = {name: data[name] for name in data.files}
+            old = 'other_engine' not in arrays
             self._check(arrays)
-            rows, reassessed = arrays.pop('history'), arrays.pop('reassessed')
-            progress = Progress(arrays, [tuple(row) for row in rows.tolist()], reassessed)
+            progress = self._progress(arrays, old)
         except InvalidInput as error:
             raise error.found_in(str(path)) from None
         except Exception as error:
             expected = 'a checkpoint written by evolve'
             raise InvalidInput('file', str(error), expected, str(path)) from None
-        self._write_views(progress)
+        self._write_views(progress, mend=True)
         return progress
+
+    def _progress(self, arrays: dict[str, np.ndarray], old: bool) -> Progress:
+        """Return the progress that the arrays of a checkpoint, checked, describe."""
+        rows, reassessed, other, *whole = (arrays.pop(name) for name in (
+            'history', 'reassessed', 'other_engine', 'population', 'population_fitness'
+        ))
+        progress = Progress(
+            arrays, [tuple(row) for row in rows.tolist()],
+            whole=(whole[0], whole[1]) if len(whole[0]) else None,
+            v_x_other=float(other[0]) if len(other) else None,
+            reassessed=reassessed,
+        )
+        return replace(progress, by_old_rules=old and self._spent(progress))
+
+    def _spent(self, progress: Progress) -> bool:
+        return progress.evaluations >= self.config.evaluations
 
     def _check(self, arrays: dict[str, np.ndarray]) -> None:
         config = self.config
-        arrays.setdefault('reassessed', np.empty(0))  # runs from before there were two engines
+        for name in _SINCE:
+            width = (config.n_parameters,) if name == 'population' else ()
+            arrays.setdefault(name, np.empty((0, *width)))
         n = min(len(arrays.get('individuals', ())), config.population)
+        whole = config.population if len(arrays['population']) else 0
         expected = {
             'individuals': (n, config.n_parameters),
             'fitness': (n,),
             'history': (int(arrays.get('generation', np.array(0)).flat[0]), len(HISTORY)),
             'generation': (),
             'reassessed': (min(len(arrays['reassessed']), config.n_elite),),
+            'other_engine': (min(len(arrays['other_engine']), 1),),
+            'population': (whole, config.n_parameters),
+            'population_fitness': (whole,),
         }
         if config.strategy == 'cma':
             expected['told'] = (expected['history'][0], config.population)
@@ -149,23 +206,28 @@ class RunFolder:
             raise InvalidInput('entries', sorted(arrays), ', '.join(sorted(expected)))
         for name, shape in expected.items():
             array, kind = arrays[name], 'i' if name == 'generation' else 'f'
-            missing = 0 in shape and name != 'reassessed'
+            missing = 0 in shape and name not in _SINCE
             if array.shape != shape or array.dtype.kind != kind or missing:
                 shown = f'{array.dtype} of shape {array.shape}'
                 raise InvalidInput(name, shown, f'numbers of shape {shape}, none of them 0')
-        fitness, spent = arrays['fitness'], arrays['history'][:, 1]
-        if not np.isfinite(arrays['individuals']).all():
-            raise InvalidInput('individuals', 'not finite', 'finite numbers')
-        if not (fitness[:-1] >= fitness[1:]).all() or np.isnan(fitness).any():
-            raise InvalidInput('fitness', fitness.tolist(), 'numbers, the best first')
+        for name, of_it in (('individuals', 'fitness'), ('population', 'population_fitness')):
+            fitness = arrays[of_it]
+            if not np.isfinite(arrays[name]).all():
+                raise InvalidInput(name, 'not finite', 'finite numbers')
+            if not (fitness[:-1] >= fitness[1:]).all() or np.isnan(fitness).any():
+                raise InvalidInput(of_it, fitness.tolist(), 'numbers, the best first')
+        spent = arrays['history'][:, 1]
         if not (np.diff(spent, prepend=0) > 0).all() or not spent[-1] <= config.evaluations:
             raise InvalidInput('history', spent.tolist(), f'up to {config.evaluations} evaluations')
 
     def save(self, progress: Progress) -> None:
         """Replace the checkpoint, then history.csv and best.npz."""
+        whole = progress.whole or (np.empty((0, self.config.n_parameters)), np.empty(0))
         arrays = {
             **progress.strategy,
-            'history': np.array(progress.history), 'reassessed': progress.reassessed,
+            'history': np.array(progress.history),
+            'population': whole[0], 'population_fitness': whole[1],
+            'other_engine': np.array([] if progress.v_x_other is None else [progress.v_x_other]),
         }
         write_atomically(
             self.path / 'checkpoint.npz',
@@ -173,7 +235,11 @@ class RunFolder:
         )
         self._write_views(progress)
 
-    def _write_views(self, progress: Progress) -> None:
+    def _write_views(self, progress: Progress, mend: bool = False) -> None:
+        """Write history.csv and best.npz; to `mend` it, best.npz only if it holds anything else.
+
+        So a finished run keeps its best.npz, and the versions that it tells, to the byte.
+        """
         text = io.StringIO()
         writer = csv.writer(text, lineterminator='\n')
         writer.writerow(HISTORY)
@@ -181,7 +247,7 @@ class RunFolder:
             writer.writerow([int(generation), int(evaluations), *map(repr, scores)])
         write_text(self.path / 'history.csv', text.getvalue())
         config = self.config
-        best, chosen_by, v_x = progress.chosen(config.engine)
+        best, chosen_by, v_x = progress.chosen(config)
         trained = TrainedController(
             architecture=config.architecture,
             morphology=parse_morphology(config.shape),
@@ -195,7 +261,8 @@ class RunFolder:
             chosen_by=chosen_by,
             v_x=v_x,
         )
-        save_controller(self.path / 'best.npz', trained)
+        if not (mend and _holds(self.path / 'best.npz', trained)):
+            save_controller(self.path / 'best.npz', trained)
 
     def close(self) -> None:
         """Let another process have the folder."""

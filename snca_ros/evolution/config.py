@@ -11,7 +11,7 @@ from sim_node.material import Material
 from sim_node.morphology import parse_morphology
 from sim_node.physics import UNNAMED_PHYSICS
 from sim_node.simulation import Simulation
-from sim_node.solver import Solver, check_engine
+from sim_node.solver import ENGINES, Solver, check_engine
 from sim_node.terrain import parse_terrain
 from snca_ros.cell.nca import Architecture
 from snca_ros.evolution.locomotion import EPISODE, LONGEST, TRANSIENT
@@ -65,11 +65,11 @@ class RunConfig:
         check_engine(self.engine, self.solver)
         check_strategy(self.strategy)
 
-    def simulation(self) -> Simulation:
-        """Return the simulation of an episode."""
+    def simulation(self, push: int = 0) -> Simulation:
+        """Return the simulation of an episode, from a pushed start if `push` is not 0."""
         return Simulation(
             self.shape, self.terrain,
-            material=self.material, solver=self.solver, engine=self.engine,
+            material=self.material, solver=self.solver, engine=self.engine, push=push,
         )
 
     def new_strategy(self) -> Strategy:
@@ -113,8 +113,13 @@ class RunConfig:
 
     @property
     def n_elite(self) -> int:
-        """Return how many of the best are parents, and are scored in pymunk at the end."""
+        """Return how many of the best are parents."""
         return self.population // 4
+
+    @property
+    def other_engine(self) -> str:
+        """Return the engine that the run does not evolve in."""
+        return next(engine for engine in ENGINES if engine != self.engine)
 
     def to_yaml(self) -> str:
         """Return the text of config.yaml."""

@@ -42,6 +42,7 @@ def run_episodes(
     morphology: Morphology,
     thetas: np.ndarray,
     duration: float = EPISODE,
+    push: int | None = None,
 ) -> list[Episode]:
     """Let each of up to W controllers walk a robot of its own from the start.
 
@@ -51,6 +52,7 @@ def run_episodes(
         morphology: of the robots.
         thetas: (n, n_parameters), a controller per row, n <= W. Other lanes' weights are 0.
         duration: of the episodes [s].
+        push: of the start, see `Robots.reset`.
 
     Returns:
         An episode per controller; each is the same, to the bit, whatever the others are.
@@ -60,7 +62,7 @@ def run_episodes(
     cells = make_cells(architecture, morphology, thetas, width)
     centers = np.empty((n_steps + 1, 2, width))
     done = np.zeros(width, dtype=np.int64)
-    robots.reset()
+    robots.reset(push)
     _walk(robots.group, cells, centers, done)
     robots.step_count = n_steps
     return [

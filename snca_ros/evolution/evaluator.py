@@ -19,7 +19,7 @@ from snca_ros.evolution.workers import Workers
 class Evaluator:
     """Scores candidates of one run, one episode each, in the engine of its configuration.
 
-    A score depends on the candidate and the configuration alone, not on its companions.
+    A score depends on the candidate, the configuration and the start alone, not on the companions.
     """
 
     def __init__(self, config: RunConfig) -> None:
@@ -28,13 +28,16 @@ class Evaluator:
         self._robots: dict[int, Robots] = {}
         self._ready: set[int] = set()
 
-    def __call__(self, thetas: np.ndarray) -> list[float]:
+    def __call__(self, thetas: np.ndarray, push: int = 0) -> list[float]:
         """Return v_x [m/s] of each of (n, n_parameters) candidates; -inf if it diverged.
 
-        In the batched engine n is at most `WIDTHS[-1]`; their robots walk side by side.
+        Args:
+            thetas: the candidates. In the batched engine n is at most `WIDTHS[-1]`; their robots
+                walk side by side.
+            push: 0, or the number of a pushed start, the same for all; see `Simulation`.
         """
         self._compile(thetas)
-        episodes = self._episodes(thetas, self.config.duration)
+        episodes = self._episodes(thetas, self.config.duration, push)
         return [episode.velocity(self.config.transient) for episode in episodes]
 
     def _compile(self, thetas: np.ndarray) -> None:
@@ -48,17 +51,18 @@ class Evaluator:
     def _width(self, n: int) -> int:
         return 1 if self.config.engine == 'pymunk' else group_width(n)
 
-    def _episodes(self, thetas: np.ndarray, duration: float) -> Iterable[Episode]:
+    def _episodes(self, thetas: np.ndarray, duration: float, push: int = 0) -> Iterable[Episode]:
         if self.config.engine == 'batched':
-            return self._side_by_side(thetas, duration)
-        return self._one_by_one(thetas, duration)
+            return self._side_by_side(thetas, duration, push)
+        return self._one_by_one(thetas, duration, push)
 
-    def _one_by_one(self, thetas: np.ndarray, duration: float) -> Iterator[Episode]:
+    def _one_by_one(self, thetas: np.ndarray, duration: float, push: int) -> Iterator[Episode]:
+        simulation = self.config.simulation(push) if push else self.simulation
         for theta in thetas:
-            controller = Controller(self.config.architecture, self.simulation.morphology, theta)
-            yield run_episode(self.simulation, controller, duration)
+            controller = Controller(self.config.architecture, simulation.morphology, theta)
+            yield run_episode(simulation, controller, duration)
 
-    def _side_by_side(self, thetas: np.ndarray, duration: float) -> list[Episode]:
+    def _side_by_side(self, thetas: np.ndarray, duration: float, push: int) -> list[Episode]:
         simulation, width = self.simulation, self._width(len(thetas))
         if width not in self._robots:
             self._robots[width] = Robots(
@@ -66,7 +70,8 @@ class Evaluator:
                 simulation.solver, width,
             )
         return run_episodes(
-            self._robots[width], self.config.architecture, simulation.morphology, thetas, duration
+            self._robots[width], self.config.architecture, simulation.morphology, thetas, duration,
+            push,
         )
 
 
@@ -79,21 +84,23 @@ def group_width(n: int) -> int:
     return next((width for width in WIDTHS if width >= n), WIDTHS[-1])
 
 
-def evaluate(workers: Workers, config: RunConfig, candidates: np.ndarray) -> Iterator[float]:
+def evaluate(
+    workers: Workers, config: RunConfig, candidates: np.ndarray, push: int = 0
+) -> Iterator[float]:
     """Yield the fitness of each of (n, n_parameters) candidates, in their order.
 
-    It does not depend on the workers or their number.
+    It does not depend on the workers or their number. With a `push` it is that of another start.
     """
     size = 1 if config.engine == 'pymunk' else group_width(-(-len(candidates) // workers.count()))
     groups = [candidates[i : i + size] for i in range(0, len(candidates), size)]
-    futures = [workers.executor.submit(score, config, group) for group in groups]
+    futures = [workers.executor.submit(score, config, group, push) for group in groups]
     for future in futures:
         yield from future.result()
 
 
-def score(config: RunConfig, thetas: np.ndarray) -> list[float]:
+def score(config: RunConfig, thetas: np.ndarray, push: int = 0) -> list[float]:
     """Return the fitness of each of up to `WIDTHS[-1]` candidates; see `Evaluator`."""
-    return _evaluator(config, threading.get_ident())(thetas)
+    return _evaluator(config, threading.get_ident())(thetas, push)
 
 
 @functools.lru_cache(maxsize=2)

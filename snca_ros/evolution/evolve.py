@@ -14,7 +14,7 @@ import numpy as np
 from sim_node.errors import InvalidInput
 from sim_node.morphology import SHAPES
 from sim_node.physics import DEFAULT_PHYSICS, PHYSICS
-from sim_node.solver import ENGINES, Solver
+from sim_node.solver import ENGINES, Solver, check_engine
 from snca_ros.cell.nca import ARCHITECTURES, NEURON_MODELS, Architecture
 from snca_ros.evolution.checkpoint import Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
@@ -40,8 +40,8 @@ def evolve(
 ) -> Progress:
     """Run, or go on with, the run of `folder` until its evaluations are spent.
 
-    A run in another engine than pymunk ends with one episode in pymunk for each of its best
-    quarter; the best of these is what best.npz holds.
+    best.npz holds the best individual of the run's engine. At the end it walks one episode in the
+    other engine too.
 
     Args:
         folder: the run; its files follow every generation, while the next one walks.
@@ -52,12 +52,20 @@ def evolve(
     progress = folder.load()
     if progress.evaluations < config.evaluations:
         progress = _spend(folder, progress, workers, report)
-    if config.engine != 'pymunk' and not len(progress.reassessed):
-        best = progress.strategy['individuals'][: config.n_elite]
-        scores = evaluate(workers, replace(config, engine='pymunk'), best)
-        progress = replace(progress, reassessed=np.array(list(scores)))
+    if progress.v_x_other is None and not progress.by_old_rules:
+        best = progress.strategy['individuals'][:1]
+        progress = replace(progress, v_x_other=_in_the_other_engine(config, best, workers))
         folder.save(progress)
     return progress
+
+
+def _in_the_other_engine(config: RunConfig, best: np.ndarray, workers: Workers) -> float:
+    """Return v_x [m/s] of one candidate, (1, n_parameters); NaN if the engine cannot run it."""
+    try:
+        check_engine(config.other_engine, config.solver)
+    except InvalidInput:
+        return math.nan
+    return next(evaluate(workers, replace(config, engine=config.other_engine), best))
 
 
 def _spend(
@@ -72,12 +80,15 @@ def _spend(
     with ThreadPoolExecutor(max_workers=1) as saver:  # leaves when the last is saved
         saved = saver.submit(lambda: None)
         while progress.evaluations < config.evaluations:
-            candidates = strategy.ask()[: config.evaluations - progress.evaluations]
+            asked = strategy.ask()
+            candidates = asked[: config.evaluations - progress.evaluations]
+            is_cut = len(candidates) < len(asked)
             fitness = np.array(list(evaluate(workers, config, candidates)))
             strategy.tell(candidates, fitness)
             progress = Progress(
                 strategy.state(),
                 [*progress.history, _history_row(progress, fitness, strategy)],
+                whole=progress.population if is_cut and progress.history else None,
             )
             saved.result()
             saved = saver.submit(folder.save, progress)
@@ -217,10 +228,10 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         return 1
     finally:
         folder.close()
-    _, chosen_by, v_x = progress.chosen(folder.config.engine)
+    _, chosen_by, v_x = progress.chosen(folder.config)
     scores = ', '.join(f'{v:.4f} m/s in {engine}' for engine, v in v_x.items())
     print(
-        f'{folder.path / "best.npz"}: v_x {scores}, in the one episode that scored it '
+        f'{folder.path / "best.npz"}: v_x {scores}, one episode each '
         f'(chosen by {chosen_by}), {progress.evaluations} evaluations'
     )
     return 0

@@ -15,7 +15,7 @@ from sim_node.errors import InvalidInput
 from sim_node.simulation import Simulation
 from sim_node.solver import ENGINES, check_engine
 from sim_node.stamps import CONTROL_RATE
-from sim_node.terrain import UNSEEN_TERRAINS, parse_terrain
+from sim_node.terrain import UNSEEN_TERRAINS, parse_terrain, unseen_terrains
 from snca_ros.box import find_controller
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.locomotion import EPISODE, LONGEST, TRANSIENT, run_episode
@@ -24,8 +24,9 @@ from snca_ros.faults import NO_FAULTS, Faults
 from snca_ros.files import check_writable, write_text
 
 COLUMNS = ('controller', 'terrain', 'engine', 'start', 'v_x')
-"""Of the CSV, a row per episode; start 0 is the exact one, others are pushed. Rows of the terrain
-`MEAN` have the mean over the terrains, start by start."""
+"""Of the CSV, a row per episode; start 0 is the exact one, others are pushed. Rows of a kind of
+terrain have the mean over its seeds, and those of `MEAN` that over the terrains or, of several
+seeds, over the kinds; start by start."""
 
 MEAN = 'mean'
 
@@ -35,6 +36,7 @@ FAULTY_STARTS = 9
 
 EXAMPLES = """
   snca assess runs/tripod/best.npz                  # v_x on 16 terrains that it has not seen
+  snca assess runs/tripod/best.npz --terrain-seeds 10   # 10 of each irregular one of them
   snca assess biped-U-nD-snn-h --terrains flat,uphill-10 --starts 20 --engine batched
   snca assess biped-U-nD-snn-h --faults loss=0..0.9..0.1 --figure loss.png --csv loss.csv
 """
@@ -90,6 +92,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--terrains', metavar='NAMES',
                         help='separated by commas (default: the 16 unseen ones; '
                         'with --faults flat)')
+    parser.add_argument('--terrain-seeds', type=int, metavar='N',
+                        help='N seeds of each irregular unseen terrain: mean of each kind, and of '
+                        'all kinds (default 1)')
     parser.add_argument('--engine', default='pymunk', help=f'{", ".join(ENGINES)} (default pymunk)')
     parser.add_argument('--starts', type=int, metavar='N',
                         help='also walk from N pushed starts: mean and standard deviation '
@@ -124,9 +129,8 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         check_figure(args.figure)
     if args.csv:
         check_writable('csv', args.csv)
-    terrains = [*UNSEEN_TERRAINS] if not args.faults else ['flat']
-    if args.terrains is not None:
-        terrains = args.terrains.split(',')
+    kinds = _kinds(args)
+    terrains = [name for names in kinds.values() for name in names]
     for name in terrains:
         parse_terrain(name)
     trained = [load_controller(find_controller(name)) for name in args.controllers]
@@ -140,19 +144,52 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     ]
     with opened as workers:
         v_x = run_trials(workers, trials)
-    scores = v_x.reshape(len(trained), len(terrains), 1 + args.starts)
-    scores = np.concatenate([scores, scores.mean(axis=1, keepdims=True)], axis=1)
-    terrains.append(MEAN)
+    episodes = v_x.reshape(len(trained), len(terrains), 1 + args.starts)
+    scores = np.stack([means_of_kinds(kinds, of_one) for of_one in episodes])
+    names = [*kinds, MEAN]
     print(f'v_x [m/s] of episodes of {args.duration:g} s in the {args.engine} engine')
     for name, of_one in zip(args.controllers, scores, strict=True):
-        print('\n'.join(['', *table(name, terrains, of_one)]), flush=True)
+        print('\n'.join(['', *table(name, names, of_one)]), flush=True)
     if args.csv:
-        each = product(args.controllers, terrains, [args.engine], range(1 + args.starts))
-        v_x = scores.ravel()
+        means = [i for i, name in enumerate(names) if name not in terrains]
+        told = [*terrains, *(names[i] for i in means)]
+        each = product(args.controllers, told, [args.engine], range(1 + args.starts))
+        v_x = np.concatenate([episodes, scores[:, means]], axis=1).ravel()
         write_csv(args.csv, COLUMNS, [(*e, v) for e, v in zip(each, v_x.tolist(), strict=True)])
     if args.figure:
-        write_figure(draw_scores(args.controllers, terrains, scores), args.figure)
+        write_figure(draw_scores(args.controllers, names, scores), args.figure)
     return 0
+
+
+def _kinds(args: argparse.Namespace) -> dict[str, tuple[str, ...]]:
+    """Return the names of the terrains that the command line asks for, kind by kind.
+
+    Without several seeds each terrain is a kind of its own.
+    """
+    if args.terrain_seeds is not None:
+        for option, given in (('terrains', args.terrains is not None), ('faults', args.faults)):
+            if given:
+                expected = f'none with --{option}: it is of the unseen terrains'
+                raise InvalidInput('terrain_seeds', args.terrain_seeds, expected)
+        found = unseen_terrains(args.terrain_seeds)
+        if args.terrain_seeds > 1:
+            return found
+    names = ['flat'] if args.faults else [*UNSEEN_TERRAINS]
+    if args.terrains is not None:
+        names = args.terrains.split(',')
+    return {name: (name,) for name in names}
+
+
+def means_of_kinds(kinds: dict[str, tuple[str, ...]], v_x: np.ndarray) -> np.ndarray:
+    """Return the means over the terrains of each kind, and that over the kinds, (n_kinds + 1, n).
+
+    Args:
+        kinds: to the names of their terrains.
+        v_x: (n_terrains, n) [m/s] of each terrain, kind by kind, and start.
+    """
+    ends = np.cumsum([len(names) for names in kinds.values()])[:-1]
+    means = np.stack([of_kind.mean(axis=0) for of_kind in np.split(v_x, ends)])
+    return np.concatenate([means, means.mean(axis=0, keepdims=True)])
 
 
 def table(name: str, terrains: Sequence[str], scores: np.ndarray) -> list[str]:

@@ -15,7 +15,8 @@ from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.workers import Workers, add_worker_arguments, open_workers
 from snca_ros.status import StatusLine, TimeLeft
 from snca_ros.study.campaign_file import read_campaign
-from snca_ros.study.results import Outcome, Results, perform
+from snca_ros.study.endpoints import Outcome, perform
+from snca_ros.study.results import Results
 
 INTERRUPTED = 130
 _TELL_EVERY = 1.0  # s
@@ -80,9 +81,11 @@ class Campaign:
         row = self.results.rows[config.name]
         self._line.clear()
         print(
-            f'{config.name}: v_x {float(row["v_x"]):.3f} m/s, unseen terrains '
-            f'{float(row["v_x_unseen"]):.3f}, pushed starts {float(row["v_x_starts_mean"]):.3f} '
-            f'± {float(row["v_x_starts_std"]):.3f}', flush=True,
+            f'{config.name}: v_x {float(row["v_x_end"]):.3f} m/s, pushed mean '
+            f'{float(row["v_x_pushed_mean"]):.3f} ± {float(row["v_x_pushed_std"]):.3f}, '
+            f'unseen terrains {float(row["v_x_unseen"]):.3f}, robust '
+            f'{float(row["v_x_robust_mean"]):.3f} ± {float(row["v_x_robust_std"]):.3f}',
+            flush=True,
         )
 
     def _put_back(self, a_process_ended: bool) -> None:

@@ -1,6 +1,5 @@
 """The finished runs of campaigns, joined and sorted by shape and type of controller."""
 
-import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -9,27 +8,32 @@ from pathlib import Path
 import numpy as np
 
 from sim_node.errors import InvalidInput, check_name
+from sim_node.physics import PHYSICS
 from sim_node.solver import ENGINES
+from sim_node.terrain import TERRAIN_SETS
 from snca_ros.cell.nca import ARCHITECTURES, NEURON_MODELS
 from snca_ros.evolution.strategy import STRATEGIES
 from snca_ros.study.campaign_file import read_campaign
+from snca_ros.study.columns import unusual_cell
 from snca_ros.study.results import read_rows
 
-OWN_ENGINE, OTHER_ENGINE = 'v_x_own', 'v_x_other'
-"""As columns: v_x [m/s] in the engine that a controller evolved in, and in the other one."""
+END, OTHER_ENGINE, UNSEEN = 'v_x_end', 'v_x_other', 'v_x_unseen'
+PUSHED, ROBUST = 'v_x_pushed_mean', 'v_x_robust_mean'
+"""Columns of the endpoints [m/s]; see docs/campaigns.md."""
 
-MEASURES = {
-    OWN_ENGINE: 'end of evolution',
-    'v_x_unseen': 'unseen terrains',
-    'v_x_starts_mean': 'pushed starts',
+ENDPOINTS = {
+    END: 'end of evolution', OTHER_ENGINE: 'other engine', PUSHED: 'pushed mean',
+    UNSEEN: 'unseen terrains', ROBUST: 'robust',
 }
-"""Columns in which controllers are compared, and what they are called."""
+"""What the endpoints are called."""
+
+MEASURES = {column: ENDPOINTS[column] for column in (END, UNSEEN, PUSHED, ROBUST)}
+"""Columns in which types of controllers are compared, and what they are called."""
 
 FEWEST_SEEDS = 3
 """Below which a case comes with a warning."""
 
-_SETTING = re.compile(r'(?:hilly|steppy|uphill|downhill)(?:-\d[\d.]*)+|(?:[^-]|(?<=\de)-)+')
-"""A word of a run's name: a terrain with its numbers, or anything up to a hyphen not of 1e-5."""
+_NUMBERS = 'substeps', 'iterations', 'population', 'sigma', 'duration', 'transient'
 
 
 @dataclass(frozen=True)
@@ -79,26 +83,29 @@ class Run:
     @property
     def evaluations(self) -> int:
         """Return the evaluations that it has spent."""
-        return int(self.row['n_evaluations'])
+        return int(self.row['evaluations'])
 
     @property
     def settings(self) -> list[str]:
-        """Return what its row tells beside its case, budget and seed: terrain, engine, ..."""
+        """Return what it is beside its case, budget and seed, a word each: terrain, engine, ..."""
         row = self.row
-        case = f'{row["shape"]}-{row["architecture"]}-{row["neuron_model"]}-'
-        printed = 'as-printed-' if self.controller.as_printed else ''
-        words = row['run'].removeprefix(case + printed).removesuffix(f'-seed{row["seed"]}')
-        told = [word for word in _SETTING.findall(words) if not word.startswith('evaluations')]
-        if not set(STRATEGIES).intersection(told):
-            told.append('es')
-        return told if row['engine'] in told else [*told, row['engine']]
+        collides = {'false': [], 'true': ['self-collision']}.get(
+            row['self_collision'], [f'self-collision-{row["self_collision"]}']
+        )
+        return [
+            row['terrain'], row['engine'], row['strategy'], f'{row["physics"]}-physics',
+            f'unseen-{row["terrain_set"]}', *(f'{name}{row[name]}' for name in _NUMBERS),
+            *collides, *unusual_cell(row),
+        ]
 
     def value(self, column: str) -> float:
-        """Return the number in a column of its row, `OWN_ENGINE` or `OTHER_ENGINE`."""
-        own = self.row['engine']
-        other = next(engine for engine in ENGINES if engine != own)
-        columns = {OWN_ENGINE: f'v_x_{own}', OTHER_ENGINE: f'v_x_{other}'}
-        return float(self.row[columns.get(column, column)])
+        """Return the number in a column of its row; NaN if it is not known."""
+        return float(self.row[column] or 'nan')
+
+    @property
+    def knows_vibration(self) -> bool:
+        """Tell whether the share of its vibration was measured; of the first tables it was not."""
+        return not np.isnan(self.value('vibration'))
 
 
 Cases = dict[str, dict[ControllerType, list[Run]]]
@@ -144,22 +151,33 @@ def read_cases(folders: Sequence[Path], campaigns: Sequence[Path] = ()) -> Cases
 def _check_row(row: dict[str, str], table: str) -> None:
     known = {
         'architecture': ARCHITECTURES, 'neuron_model': NEURON_MODELS, 'engine': ENGINES,
-        'chosen_by': ENGINES, 'as_printed': ('true', 'false'),
+        'chosen_by': ENGINES, 'as_printed': ('true', 'false'), 'strategy': STRATEGIES,
+        'physics': PHYSICS, 'terrain_set': TERRAIN_SETS,
     }
     for column, values in known.items():
         check_name(column, row[column], values, table)
-    for column in (*(f'v_x_{engine}' for engine in ENGINES), 'v_x_unseen', 'v_x_starts_mean'):
+    try:
+        unusual_cell(row)
+    except InvalidInput as error:
+        raise error.found_in(table) from None
+    for column in (END, UNSEEN, PUSHED, *(c for c in (OTHER_ENGINE, ROBUST) if row[c])):
         if np.isnan(float(row[column])):
             raise InvalidInput(column, row[column], 'a speed, or -inf', table)
 
 
 def fastest(runs: Sequence[Run]) -> Run:
     """Return the run whose best controller is the fastest in the mean over pushed starts."""
-    return max(runs, key=lambda run: run.value('v_x_starts_mean'))
+    return max(runs, key=lambda run: run.value(PUSHED))
+
+
+def known_measures(cases: Cases) -> dict[str, str]:
+    """Return those of `MEASURES` that all runs have; the first tables know no robust controller."""
+    runs = [run for of_shape in cases.values() for of in of_shape.values() for run in of]
+    return {c: name for c, name in MEASURES.items() if not np.isnan(column_of(runs, c)).any()}
 
 
 def column_of(runs: Sequence[Run], column: str) -> np.ndarray:
-    """Return the numbers of runs in a column, (n_runs,)."""
+    """Return the numbers of runs in a column, (n_runs,); NaN where they are not known."""
     return np.array([run.value(column) for run in runs])
 
 

@@ -13,19 +13,23 @@ from matplotlib.patches import Patch, Rectangle
 
 from snca_ros.cell.nca import ARCHITECTURES, NEURON_MODELS
 from snca_ros.study.cases import (
+    END,
     MEASURES,
     OTHER_ENGINE,
-    OWN_ENGINE,
+    PUSHED,
+    UNSEEN,
     Cases,
     ControllerType,
     Run,
     column_of,
     controller_types,
+    known_measures,
 )
 from snca_ros.study.contrasts import Contrast
+from snca_ros.study.gait import VIBRATION
 from snca_ros.study.results import read_curve
 from snca_ros.study.statistics import quartiles
-from snca_ros.study.tables import VIBRATION, told_p
+from snca_ros.study.tables import FAST_PEAK, MOSTLY, told_p
 
 INK, PAPER = '#1a1a1a', '#ffffff'
 """Colours of what a page may draw light on dark instead."""
@@ -36,7 +40,7 @@ _STYLE: dict[Any, Any] = {
     'ytick.color': INK, 'figure.facecolor': PAPER, 'axes.facecolor': PAPER,
     'legend.facecolor': PAPER, 'axes.titlesize': 10.0, 'axes.titlelocation': 'left',
 }
-_BOXES = {OWN_ENGINE: (-0.2, 0.9), 'v_x_unseen': (0.2, 0.4)}  # measure: place and opacity
+_BOXES = {END: (-0.2, 0.9), UNSEEN: (0.2, 0.4)}  # measure: place and opacity
 _LIGHT_TEXT, _DARK_TEXT = '#fafafa', '#101010'  # on colours, whatever the page
 _GREY = '#777777'
 _NO_METADATA = ('Creator', 'Date', 'Format', 'Type')
@@ -54,7 +58,9 @@ def draw_all(cases: Cases, shown: Sequence[Contrast]) -> list[tuple[str, str, st
     """
     colors = {c: f'C{i % 10}' for i, c in enumerate(controller_types(cases))}
     everything = [run for of in cases.values() for runs in of.values() for run in runs]
-    speeds = np.concatenate([column_of(everything, measure) for measure in MEASURES])
+    measures = known_measures(cases)
+    speeds = np.concatenate([column_of(everything, measure) for measure in measures])
+    vibrations = all(run.knows_vibration for run in everything)
     found = speeds[np.isfinite(speeds)]
     lowest, highest = found.min(initial=0.0), found.max(initial=0.0) or 1.0
     figures: list[tuple[str, str, Figure]] = []
@@ -63,9 +69,10 @@ def draw_all(cases: Cases, shown: Sequence[Contrast]) -> list[tuple[str, str, st
             of_it = [contrast for contrast in shown if contrast.shape == shape]
             figures += [
                 ('boxes', shape, _draw_boxes(shape, of_shape, of_it, colors, (lowest, highest))),
-                ('medians', shape, _draw_medians(shape, of_shape, highest)),
+                ('medians', shape, _draw_medians(shape, of_shape, measures, highest)),
                 ('curves', shape, _draw_curves(shape, of_shape, colors)),
-                ('frequency', shape, _draw_frequencies(shape, of_shape, colors)),
+                _draw_vibration(shape, of_shape, colors) if vibrations
+                else _draw_frequencies(shape, of_shape, colors),
                 ('luck', shape, _draw_luck(shape, of_shape, colors)),
             ]
         return [(kind, shape, _svg(figure)) for kind, shape, figure in figures]
@@ -98,7 +105,7 @@ def _draw_boxes(
         colors: of the types.
         extent: least and greatest speed [m/s] of all shapes.
     """
-    levels = len(shown) / len(MEASURES)
+    levels = sum(contrast.measure == END for contrast in shown)
     figure, axes = _panel(shape, 3.4 + 0.3 * levels, max(4.4, 0.75 * len(of_shape)))
     for place, (controller, runs) in enumerate(of_shape.items()):
         for measure, (aside, alpha) in _BOXES.items():
@@ -125,12 +132,13 @@ def _draw_boxes(
 
 
 def _ticks(of_shape: dict[ControllerType, list[Run]]) -> list[str]:
-    return [f'{str(c).replace(" ", chr(10), 1)}\nn = {len(runs)}' for c, runs in of_shape.items()]
+    return [
+        str(controller).replace(' ', '\n', 1).replace(', ', ',\n') + f'\nn = {len(runs)}'
+        for controller, runs in of_shape.items()
+    ]
 
 
-def _draw_box(
-    axes: Axes, values: np.ndarray, place: float, color: str, alpha: float
-) -> None:
+def _draw_box(axes: Axes, values: np.ndarray, place: float, color: str, alpha: float) -> None:
     """Draw a box of quartiles, whiskers after Tukey, and every value as a dot."""
     values = values[np.isfinite(values)]
     axes.boxplot(
@@ -157,7 +165,8 @@ def _draw_bracket(
 
 
 def _draw_medians(
-    shape: str, of_shape: dict[ControllerType, list[Run]], highest: float
+    shape: str, of_shape: dict[ControllerType, list[Run]], measures: dict[str, str],
+    highest: float,
 ) -> Figure:
     """Draw the table of medians, architectures × neuron models, a panel per measure.
 
@@ -166,8 +175,10 @@ def _draw_medians(
     usual = [a for a in ARCHITECTURES if a != 'nU-nD' or any(c.architecture == a for c in of_shape)]
     variants = sorted({(c.as_printed, c.settings) for c in of_shape})
     rows = [ControllerType(a, 'mlp', *variant) for variant in variants for a in usual]
-    figure = Figure(figsize=(7.0, 0.8 + 0.5 * len(rows)), layout='constrained')
-    for axes, (measure, title) in zip(figure.subplots(1, 3), MEASURES.items(), strict=True):
+    n, longest = len(measures), max(len(str(row)) for row in rows)
+    width = n * (7.0 / 3.0 + 0.07 * max(0, longest - 20))
+    figure = Figure(figsize=(width, 0.8 + 0.5 * len(rows)), layout='constrained')
+    for axes, (measure, title) in zip(figure.subplots(1, n), measures.items(), strict=True):
         axes.set_title(f'{shape}: {title}', fontsize=9)
         for y, row in enumerate(rows):
             for x, model in enumerate(NEURON_MODELS):
@@ -228,23 +239,42 @@ def median_curve(curves: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     return points, quartiles(np.array(best))
 
 
+def _draw_vibration(
+    shape: str, of_shape: dict[ControllerType, list[Run]], colors: dict[ControllerType, str]
+) -> tuple[str, str, Figure]:
+    """Draw every run's share of vibration; return kind, shape and figure."""
+    figure, axes = _draw_each(shape, of_shape, colors, 'vibration', MOSTLY)
+    axes.set_ylabel(f'power above {VIBRATION:g} Hz (share)')
+    axes.set_ylim(-0.02, 1.02)
+    return 'vibration', shape, figure
+
+
 def _draw_frequencies(
     shape: str, of_shape: dict[ControllerType, list[Run]], colors: dict[ControllerType, str]
-) -> Figure:
-    """Draw every run's frequency, sorted, and their median; boxes would fill gaps between gaits."""
-    figure, axes = _panel(shape, width=max(4.4, 0.75 * len(of_shape)))
-    for place, (controller, runs) in enumerate(of_shape.items()):
-        frequency = np.sort(column_of(runs, 'frequency'))
-        places = place + 0.6 * ((np.arange(len(runs)) + 0.5) / len(runs) - 0.5)
-        axes.plot(places, frequency, 'o', color=colors[controller], markersize=4)
-        axes.hlines(np.median(frequency), place - 0.36, place + 0.36, color=INK, linewidth=1.6)
-    axes.axhline(VIBRATION, color=INK, linewidth=0.8, linestyle=':')
-    axes.set_xlim(-0.6, len(of_shape) - 0.4)
-    axes.set_xticks(range(len(of_shape)), _ticks(of_shape))
+) -> tuple[str, str, Figure]:
+    """Draw every run's dominant frequency; return kind, shape and figure."""
+    figure, axes = _draw_each(shape, of_shape, colors, 'frequency', FAST_PEAK)
     axes.set_ylabel('dominant frequency [Hz]')
     axes.set_ylim(bottom=0.0)
+    return 'frequency', shape, figure
+
+
+def _draw_each(
+    shape: str, of_shape: dict[ControllerType, list[Run]], colors: dict[ControllerType, str],
+    column: str, line: float,
+) -> tuple[Figure, Axes]:
+    """Draw every run's value, sorted, and their median; boxes would fill gaps between gaits."""
+    figure, axes = _panel(shape, width=max(4.4, 0.75 * len(of_shape)))
+    for place, (controller, runs) in enumerate(of_shape.items()):
+        values = np.sort(column_of(runs, column))
+        places = place + 0.6 * ((np.arange(len(runs)) + 0.5) / len(runs) - 0.5)
+        axes.plot(places, values, 'o', color=colors[controller], markersize=4)
+        axes.hlines(np.median(values), place - 0.36, place + 0.36, color=INK, linewidth=1.6)
+    axes.axhline(line, color=INK, linewidth=0.8, linestyle=':')
+    axes.set_xlim(-0.6, len(of_shape) - 0.4)
+    axes.set_xticks(range(len(of_shape)), _ticks(of_shape))
     axes.grid(axis='y', linewidth=0.4, alpha=0.5)
-    return figure
+    return figure, axes
 
 
 def _draw_luck(
@@ -253,10 +283,9 @@ def _draw_luck(
     """Draw what the engine of evolution says against what the other and pushed starts say."""
     figure, axes = _panel(shape, 4.0)
     for controller, runs in of_shape.items():
-        own, color = column_of(runs, OWN_ENGINE), colors[controller]
-        other = column_of(runs, OTHER_ENGINE)
-        axes.plot(own, other, 'o', color=color, fillstyle='none', markersize=5)
-        mean, spread = column_of(runs, 'v_x_starts_mean'), column_of(runs, 'v_x_starts_std')
+        own, color = column_of(runs, END), colors[controller]
+        axes.plot(own, column_of(runs, OTHER_ENGINE), 'o', color=color, mfc='none', markersize=5)
+        mean, spread = column_of(runs, PUSHED), column_of(runs, 'v_x_pushed_std')
         axes.errorbar(own, mean, spread, fmt='o', color=color, markersize=4.5, elinewidth=0.8,
                       label=_label(controller, runs))
     axes.axline((0.0, 0.0), slope=1.0, color=INK, linewidth=0.8, linestyle=':')

@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from snca_ros.study.cases import MEASURES, Cases, ControllerType, column_of
+from snca_ros.study.cases import Cases, ControllerType, column_of, known_measures
 from snca_ros.study.statistics import Comparison, compare, holm, quartiles
 
 COLUMNS = (
@@ -42,10 +42,11 @@ class Contrast:
 
 
 def contrasts(cases: Cases) -> list[Contrast]:
-    """Return all pairs of types on every shape, measure by measure."""
+    """Return all pairs of types on every shape, in each measure that all runs have."""
     found = []
+    measures = known_measures(cases)
     for shape, of_shape in cases.items():
-        for measure in MEASURES:
+        for measure in measures:
             values = {c: column_of(runs, measure) for c, runs in of_shape.items()}
             pairs = list(combinations(values, 2))
             results = [compare(values[first], values[second]) for first, second in pairs]

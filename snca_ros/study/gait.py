@@ -9,6 +9,10 @@ from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.evolution.locomotion import TRANSIENT, mean_velocity
 from snca_ros.study.bag import Recording
 
+VIBRATION = 8.0
+"""Frequency [Hz] above which actuation counts as vibration: a voxel contracts and expands again in
+less than 7.5 control steps."""
+
 _AREA_LOW, _AREA_HIGH = 0.5, 1.5  # range of the area reading's soft normalisation
 
 
@@ -75,6 +79,24 @@ def dominant_frequency(actuation: np.ndarray) -> float:
     return float(peak_frequency(power, len(actuation))[0])
 
 
+def vibration_share(actuation: np.ndarray) -> float:
+    """Return the share of the power of all voxels together above `VIBRATION`, 0 to 1.
+
+    It is 0 where nothing swings.
+
+    Args:
+        actuation: (n_steps, n_voxels), without gaps.
+    """
+    n = len(actuation)
+    power = power_spectrum(actuation).sum(axis=1)
+    if not _swings(power, n):
+        return 0.0
+    if n % 2 == 0:
+        power[-1] /= 2.0  # all other frequencies have their mirror image beyond the highest
+    fast = np.arange(len(power)) * CONTROL_RATE / n > VIBRATION
+    return float(power[fast].sum() / power.sum())
+
+
 def bridge_gaps(signal: np.ndarray) -> np.ndarray:
     """Return (n_steps, ...) numbers with every NaN replaced by the line between its neighbours.
 
@@ -124,7 +146,12 @@ def peak_frequency(power: np.ndarray, n_steps: int) -> np.ndarray:
     """
     peak = power.argmax(axis=0)
     frequency = peak * CONTROL_RATE / max(n_steps, 1)
-    return np.where(power.max(axis=0) > (1e-9 * n_steps) ** 2, frequency, 0.0)
+    return np.where(_swings(power, n_steps), frequency, 0.0)
+
+
+def _swings(power: np.ndarray, n_steps: int) -> np.ndarray:
+    """Tell of which columns of a `power_spectrum` more than rounding errors is left."""
+    return power.max(axis=0) > (1e-9 * n_steps) ** 2
 
 
 def area_ratios(readings: np.ndarray) -> np.ndarray:

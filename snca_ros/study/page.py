@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from snca_ros.study.cases import Cases, evidence
 from snca_ros.study.comparison import INK, PAPER
+from snca_ros.study.gait import VIBRATION
 from snca_ros.study.statistics import LEVEL
 from snca_ros.study.tables import Table
 
@@ -25,8 +26,13 @@ FIGURES = {
         'Best so far over evaluations',
         'Median and quartiles of the best v_x so far, in the engine in which each run evolved.',
     ),
-    'frequency': (
+    'vibration': (
         'Vibration',
+        f'Share of the power of the actuation of all voxels together above {VIBRATION:g} Hz, of '
+        'each run, and their median. Above the dotted line robots count as vibrating.',
+    ),
+    'frequency': (
+        'Vibration, by its peak',
         'Frequency at which the power of the actuation of all voxels together peaks, of each run, '
         'and their median; 30 Hz is the highest that can be. Above the dotted line robots count '
         'as vibrating.',
@@ -71,11 +77,13 @@ Two-sided Mann-Whitney U tests, exact where no two values are equal and groups h
 Holm's correction is for the family of all pairs of controllers on one shape in one measure. A is
 Vargha and Delaney's: the probability that a run of the first controller is faster than one of the
 second, 0.5 being no effect; its {100 * LEVEL:g} % interval is Newcombe's (method 5). End of
-evolution: one episode of the best controller in the engine in which it evolved. Of a run in the
-batched engine the best quarter is walked again in pymunk, and the best there is that controller; so
-a curve may end above it. Pushed starts: the mean over starts whose masses are pushed by up to a
-micrometre; a single episode is chaotic, so this is the fairer measure. Unseen terrains: the mean
-over 16.
+evolution: the one episode of the evolution's best in the engine in which it evolved, the paper's
+measure. Other engine: its episode in the other one. Pushed mean: its mean over 20 starts whose
+masses are pushed by up to a micrometre, in pymunk; a single episode is chaotic, so this is the
+measure to judge by. Unseen terrains: its mean over 16, in pymunk. Robust: of the last whole
+population the individual with the best mean over 20 pushed starts in the run's engine; its mean
+over 20 other starts in pymunk. Runs of the first physics have no robust controller, and their best
+was often chosen by pymunk among the best quarter: a curve may end above it.
 """
 
 
@@ -95,7 +103,10 @@ def page(
     title = f'{n_runs} runs: {", ".join(cases)}'
     parts = [f'<h1>{html.escape(title)}</h1>']
     parts += [*_list('Warnings', warned), *_list('Missing', missing)]
+    drawn = {kind for kind, *_ in figures}
     for kind, (heading, caption) in FIGURES.items():
+        if kind not in drawn:
+            continue
         parts += [f'<h2>{heading}</h2>', f'<p>{html.escape(caption)}</p>', '<div class="figures">']
         parts += [
             _figure(kind, shape, svg, evidence(cases[shape]))

@@ -6,17 +6,22 @@ from itertools import combinations
 import numpy as np
 
 from snca_ros.study.cases import (
+    END,
+    ENDPOINTS,
     MEASURES,
     OTHER_ENGINE,
-    OWN_ENGINE,
+    ROBUST,
+    UNSEEN,
     Cases,
     Run,
     column_of,
     fastest,
+    known_measures,
     told_evaluations,
     told_seeds,
 )
 from snca_ros.study.contrasts import Contrast
+from snca_ros.study.gait import VIBRATION
 from snca_ros.study.statistics import LEVEL, quartiles
 
 
@@ -43,11 +48,8 @@ def told_p(p: float) -> str:
 
 def speeds_table(cases: Cases) -> Table:
     """Return seeds, evaluations and speeds of each case."""
-    columns = {
-        OWN_ENGINE: 'end of evolution', OTHER_ENGINE: 'other engine',
-        'v_x_starts_mean': 'pushed starts', 'v_x_unseen': 'unseen terrains',
-        'frequency': 'frequency [Hz]',
-    }
+    known = [c for c in ENDPOINTS if c != ROBUST or c in known_measures(cases)]
+    columns = {**{c: ENDPOINTS[c] for c in known}, 'frequency': 'frequency [Hz]'}
     rows = [
         [shape, str(controller), told_seeds(runs).split()[0], told_evaluations(runs),
          *(_told_quartiles(runs, column) for column in columns)]
@@ -58,61 +60,98 @@ def speeds_table(cases: Cases) -> Table:
 
 
 def _told_quartiles(runs: list[Run], column: str) -> str:
-    low, median, high = quartiles(column_of(runs, column))
+    values = column_of(runs, column)
+    if np.isnan(values).any():
+        return '–'
+    low, median, high = quartiles(values)
     return f'{median:.2f} ({low:.2f} to {high:.2f})'
 
 
 def champions_table(cases: Cases) -> Table:
-    """Return the best controller of each case: the fastest in the mean over pushed starts."""
-    columns = {
-        OWN_ENGINE: 'end of evolution', OTHER_ENGINE: 'other engine',
-        'v_x_unseen': 'unseen terrains',
-    }
+    """Return the best run of each case: the fastest in the mean over pushed starts."""
+    columns = {c: ENDPOINTS[c] for c in (END, OTHER_ENGINE, UNSEEN)}
+    robust = ROBUST in known_measures(cases)
     rows = []
     for of_shape in cases.values():
         for runs in of_shape.values():
             best = fastest(runs)
-            mean, std = (best.value(f'v_x_starts_{what}') for what in ('mean', 'std'))
             rows.append([
-                best.row['run'], *(f'{best.value(column):.2f}' for column in columns),
-                f'{mean:.2f} ± {std:.2f}', best.row['starts'],
+                best.row['run'], *(_told(best.value(column)) for column in columns),
+                *_told_starts(best, 'pushed', 'starts'),
+                *(_told_starts(best, 'robust', 'robust_starts') if robust else ()),
             ])
-    header = ['run', *columns.values(), 'pushed starts: mean ± deviation', 'starts']
+    header = ['run', *columns.values(), 'pushed mean ± deviation', 'starts']
+    header += ['robust mean ± deviation', 'starts'] if robust else []
     return Table('v_x [m/s] of the fastest of each type over pushed starts', header, rows)
 
 
-VIBRATION = 4.0
-"""Dominant frequency of the actuation [Hz] above which a robot counts as vibrating: a voxel
-contracts and expands again in less than 15 control steps."""
+def _told(value: float) -> str:
+    return '–' if np.isnan(value) else f'{value:.2f}'
+
+
+def _told_starts(run: Run, what: str, starts: str) -> tuple[str, str]:
+    """Return mean and standard deviation over starts, and which starts."""
+    mean, std = (run.value(f'v_x_{what}_{of}') for of in ('mean', 'std'))
+    return f'{mean:.2f} ± {std:.2f}', run.row[starts].replace('-', ' to ')
+
+
+MOSTLY = 0.5
+"""Share of the actuation's power above `VIBRATION` above which a robot counts as vibrating."""
+
+FAST_PEAK = 4.0
+"""Frequency [Hz] of the peak of that power above which one counts as vibrating in a row of the
+first tables, which do not have the share: a voxel contracts and expands in less than 15 steps."""
+
+
+def vibrates(run: Run) -> bool:
+    """Tell whether a run's best controller vibrates."""
+    if run.knows_vibration:
+        return run.value('vibration') > MOSTLY
+    return run.value('frequency') > FAST_PEAK
 
 
 def vibration_table(cases: Cases) -> Table:
     """Return how many runs of each case vibrate, and what those and the others keep of v_x.
 
     Kept is the share of v_x at the end of evolution that is left on unseen terrains. Runs whose
-    robots do not walk forwards are left out of the medians.
+    robots do not walk forwards are left out of the medians. Of the first tables the peak alone is
+    known, and decides.
     """
     rows = []
+    all_runs = [run for of_shape in cases.values() for runs in of_shape.values() for run in runs]
+    shares = any(run.knows_vibration for run in all_runs)
     for shape, of_shape in cases.items():
         for controller, runs in of_shape.items():
-            frequency = column_of(runs, 'frequency')
-            fast = [run for run in runs if run.value('frequency') > VIBRATION]
-            slow = [run for run in runs if not run.value('frequency') > VIBRATION]
+            fast = [run for run in runs if vibrates(run)]
+            slow = [run for run in runs if not vibrates(run)]
             rows.append([
-                shape, str(controller), f'{frequency.min():.2f} to {frequency.max():.2f}',
+                shape, str(controller),
+                *([_told_range(100.0 * column_of(runs, 'vibration'), '.0f')] if shares else ()),
+                _told_range(column_of(runs, 'frequency'), '.2f'),
                 f'{len(fast)} of {len(runs)}', _told_pace(fast), _told_pace(slow),
             ])
-    header = ['shape', 'controller', 'frequency [Hz]', f'above {VIBRATION:g} Hz',
+    known = all(run.knows_vibration for run in all_runs)
+    vibrating = f'above {FAST_PEAK:g} Hz'
+    if shares:
+        vibrating = f'above {100 * MOSTLY:g} %{"" if known else f" (or {FAST_PEAK:g} Hz)"}'
+    header = ['shape', 'controller', *([f'power above {VIBRATION:g} Hz [%]'] if shares else ()),
+              'peak [Hz]' if shares else 'frequency [Hz]', vibrating,
               'v_x [m/s] and share kept of those', 'of the others']
     return Table('Vibration: medians of runs that do and that do not', header, rows)
 
 
+def _told_range(values: np.ndarray, form: str) -> str:
+    if np.isnan(values).any():
+        return '–'
+    return f'{values.min():{form}} to {values.max():{form}}'
+
+
 def _told_pace(runs: list[Run]) -> str:
-    walked = [run for run in runs if run.value(OWN_ENGINE) > 0.0]
+    walked = [run for run in runs if run.value(END) > 0.0]
     if not walked:
         return '–'
-    kept = column_of(walked, 'v_x_unseen') / column_of(walked, OWN_ENGINE)
-    return f'{_median(walked, OWN_ENGINE):.2f}, {100.0 * quartiles(kept)[1]:.0f} %'
+    kept = column_of(walked, UNSEEN) / column_of(walked, END)
+    return f'{_median(walked, END):.2f}, {100.0 * quartiles(kept)[1]:.0f} %'
 
 
 def factors_table(cases: Cases) -> Table:
@@ -120,6 +159,7 @@ def factors_table(cases: Cases) -> Table:
 
     All else is alike: neuron models are compared in one architecture, and the other way round.
     """
+    measures = known_measures(cases)
     found: dict[tuple[str, str, str], list[list[bool]]] = {}
     for of_shape in cases.values():
         for first, second in combinations(of_shape, 2):
@@ -131,13 +171,13 @@ def factors_table(cases: Cases) -> Table:
                 names = first.neuron_model.upper(), second.neuron_model.upper()
             else:
                 continue
-            larger = [_median(of_shape[first], m) > _median(of_shape[second], m) for m in MEASURES]
+            larger = [_median(of_shape[first], m) > _median(of_shape[second], m) for m in measures]
             found.setdefault((*names, f'{alike}{first.variant}'), []).append(larger)
     rows = [
         [*names, str(len(larger)), *map(str, np.sum(larger, axis=0))]
         for names, larger in sorted(found.items())
     ]
-    header = ['first', 'second', 'with', 'shapes', *MEASURES.values()]
+    header = ['first', 'second', 'with', 'shapes', *measures.values()]
     return Table('On how many shapes the median v_x of the first is the larger', header, rows)
 
 

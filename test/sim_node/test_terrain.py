@@ -1,4 +1,5 @@
 import math
+import re
 
 import numpy as np
 import pymunk
@@ -7,7 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_node.errors import InvalidInput
-from sim_node.terrain import UNSEEN_TERRAINS, parse_terrain
+from sim_node.terrain import (
+    DEFAULT_TERRAIN_SET,
+    TERRAIN_SETS,
+    UNSEEN_KINDS,
+    UNSEEN_TERRAINS,
+    parse_terrain,
+    unseen_terrains,
+)
 
 TAN20 = 0.36397023426620234
 nearly_names = st.from_regex(
@@ -122,14 +130,44 @@ def test_published_terrains_never_change():
 
 
 def test_unseen_terrains_are_those_of_the_design():
-    assert len(set(UNSEEN_TERRAINS)) == 16
-    kinds = [name.partition('-')[0] for name in UNSEEN_TERRAINS]
-    assert [kinds.count(k) for k in ('hilly', 'steppy', 'downhill', 'uphill')] == [6, 6, 2, 2]
-    assert {'hilly-0.5-10-0', 'hilly-2-30-0', 'steppy-0.25-10-0', 'uphill-20'} < {*UNSEEN_TERRAINS}
-    for name in UNSEEN_TERRAINS:
+    assert UNSEEN_TERRAINS == (
+        'hilly-0.5-10-1', 'hilly-0.5-20-2', 'hilly-1-10-3', 'hilly-1-20-4', 'hilly-2-20-5',
+        'hilly-2-30-6', 'steppy-0.25-10-7', 'steppy-0.25-20-8', 'steppy-0.5-10-9',
+        'steppy-0.5-20-10', 'steppy-1-20-11', 'steppy-1-30-12',
+        'downhill-10', 'downhill-20', 'uphill-10', 'uphill-20',
+    )
+    assert {
+        'seeds-1-12': UNSEEN_TERRAINS,
+        'seed-0': tuple(re.sub(r'^(\D+-.+-.+)-\d+$', r'\1-0', name) for name in UNSEEN_TERRAINS),
+    } == TERRAIN_SETS
+    assert DEFAULT_TERRAIN_SET == 'seeds-1-12'
+    for name in (*UNSEEN_TERRAINS, *TERRAIN_SETS['seed-0']):
         terrain = parse_terrain(name)
         check_profile(terrain)
         assert terrain.name == name
+
+
+@pytest.mark.parametrize('n', [1, 2, 10])
+def test_no_two_unseen_terrains_share_a_seed_and_more_seeds_only_add(n):
+    found = unseen_terrains(n)
+    assert tuple(found) == UNSEEN_KINDS
+    names = [name for of_kind in found.values() for name in of_kind]
+    seeds = [int(name.rpartition('-')[2]) for name in names if name[0] in 'hs']
+    assert sorted(seeds) == list(range(1, 12 * n + 1))
+    assert len(names) == 12 * n + 4
+    assert tuple(of_kind[0] for of_kind in found.values()) == UNSEEN_TERRAINS
+    for kind, of_kind in found.items():
+        assert all(name == kind or name.startswith(f'{kind}-') for name in of_kind)
+        assert unseen_terrains(n + 1)[kind][: len(of_kind)] == of_kind
+    assert found['uphill-20'] == ('uphill-20',)
+    profiles = {parse_terrain(name).y[:9].tobytes() for name in names}
+    assert len(profiles) == len(names)
+
+
+@pytest.mark.parametrize('n', [0, -1, 1001, 1.0, True, '2', None])
+def test_number_of_terrain_seeds_out_of_range(n):
+    with pytest.raises(InvalidInput, match=r'terrain_seeds: .* an integer from 1 to 1000'):
+        unseen_terrains(n)
 
 
 @given(st.one_of(st.text(max_size=70), nearly_names))

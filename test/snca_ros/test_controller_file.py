@@ -9,6 +9,10 @@ import json
 import math
 import os
 import pickle
+import re
+import shutil
+import subprocess
+import sys
 import zipfile
 from dataclasses import fields
 from pathlib import Path
@@ -24,7 +28,12 @@ from sim_node.material import Material
 from sim_node.morphology import parse_morphology
 from sim_node.solver import Solver
 from snca_ros.cell.nca import Architecture
-from snca_ros.controller_file import TrainedController, load_controller, save_controller
+from snca_ros.controller_file import (
+    TrainedController,
+    code_version,
+    load_controller,
+    save_controller,
+)
 
 NINE = [(name, model) for name in ('U-nD', 'U-D', 'nU-D') for model in ('mlp', 'snn', 'snn-h')]
 
@@ -123,8 +132,52 @@ def test_every_fitness_is_kept(path, fitness):
 def test_versions_are_told(path):
     save_controller(path, make())
     versions = load_controller(path).versions
-    assert set(versions) == {'snca_ros', 'numpy', 'numba', 'pymunk'}
+    assert set(versions) == {'code', 'snca_ros', 'numpy', 'numba', 'pymunk'}
     assert versions['numpy'] == np.__version__
+    assert versions['code'] == code_version()
+
+
+def _git(folder, *arguments):
+    subprocess.run(
+        ['git', '-c', 'user.name=n', '-c', 'user.email=e@x', '-C', folder, *arguments],
+        check=True, capture_output=True,
+    )
+
+
+@pytest.mark.skipif(shutil.which('git') is None, reason='needs git')
+def test_version_of_the_code_is_the_commit_that_last_changed_it(tmp_path):
+    def version():
+        """Ask a copy of the module, as another process would."""
+        program = (
+            'import sys; from snca_ros import controller_file as c; '
+            f'c.__file__ = {str(tmp_path / "snca_ros" / "controller_file.py")!r}; '
+            'print(c.code_version())'
+        )
+        return subprocess.run(
+            [sys.executable, '-c', program], check=True, capture_output=True, text=True,
+            cwd=Path(snca_ros.__file__).parents[1],
+        ).stdout.strip()
+
+    for name in ('sim_node', 'snca_ros', 'results'):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / 'a').write_text('1')
+    assert version() == snca_ros.__version__
+    _git(tmp_path, 'init')
+    assert version() == snca_ros.__version__  # no commit yet
+    _git(tmp_path, 'add', '.')
+    _git(tmp_path, 'commit', '-m', 'one')
+    first = version()
+    assert re.fullmatch('[0-9a-f]{12}', first)
+    (tmp_path / 'results' / 'a').write_text('2')
+    (tmp_path / 'snca_ros' / 'new').write_text('')
+    assert version() == first
+    _git(tmp_path, 'commit', '-am', 'results')
+    assert version() == first
+    (tmp_path / 'sim_node' / 'a').write_text('2')
+    assert version() == f'{first}-dirty'
+    _git(tmp_path, 'commit', '-am', 'two')
+    assert re.fullmatch('[0-9a-f]{12}', version())
+    assert version() != first
 
 
 def test_same_content_same_bytes(path):

@@ -17,8 +17,13 @@ def _robots(shape: str, terrain: str, width: int) -> Robots:
 
 def _run(robots: Robots, actuation: np.ndarray) -> list[bytes]:
     """Let each robot do its part of (n_steps, n_voxels, W); return what each went through."""
-    seen: list[list[np.ndarray]] = [[] for _ in range(actuation.shape[2])]
     robots.reset()
+    return _seen(robots, actuation)
+
+
+def _seen(robots: Robots, actuation: np.ndarray) -> list[bytes]:
+    """Do the same from where the robots are."""
+    seen: list[list[np.ndarray]] = [[] for _ in range(actuation.shape[2])]
     for values in actuation:
         readings = robots.step(values)
         for lane, own in enumerate(seen):
@@ -75,6 +80,23 @@ def test_one_lane_is_what_simulation_steps():
         readings, own = robots.step(values), simulation.step(values[:, 9])
         np.testing.assert_array_equal(own, readings[:, :, 9])
     np.testing.assert_array_equal(simulation.world.masses, robots.group.mass_lanes[:, :5, 9])
+
+
+def test_a_push_is_that_of_the_reset_or_of_the_robots():
+    gaits = _gaits(1, 2, 30)
+    arguments = parse_morphology('11'), parse_terrain('flat'), Material(), Solver(), 1
+    pushed, robots = Robots(*arguments, push=3), Robots(*arguments)
+    expected = _run(pushed, gaits)
+    exact = _run(robots, gaits)
+    assert exact != expected
+    robots.reset(3)
+    assert _seen(robots, gaits) == expected
+    pushed.reset(0)
+    assert _seen(pushed, gaits) == exact == _run(robots, gaits)
+    assert _run(pushed, gaits) == expected
+    masses = Simulation('11', engine='batched', push=3).world.masses
+    robots.reset(3)
+    np.testing.assert_array_equal(robots.group.mass_lanes[:, :5, 0], masses)
 
 
 def test_what_simulation_shows_is_the_same_as_in_the_pymunk_engine():

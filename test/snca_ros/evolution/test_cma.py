@@ -119,7 +119,9 @@ def test_stopped_run_goes_on_to_the_same_end(tmp_path):
     progress = evolve(folder, IN_PROCESS)
     folder.close()
     assert [int(row[1]) for row in progress.history] == [8, 16, 24, 32, 37]
-    assert progress.reassessed.shape == (2,)
+    individuals, fitness = progress.population
+    assert (individuals.shape, len(fitness)) == ((8, CONFIG.n_parameters), 8)
+    assert fitness[0] == progress.history[3][-1]
     folder = RunFolder.create(tmp_path / 'run', CONFIG)
     for evaluations in (8, 24, 32):
         with pytest.raises(KeyboardInterrupt):

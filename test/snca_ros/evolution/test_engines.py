@@ -1,18 +1,22 @@
-"""Evolution in the batched engine: the same run whatever the groups, and judged by pymunk."""
+"""Evolution in the batched engine: the same run whatever the groups; how a run ends."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from sim_node.errors import InvalidInput
-from sim_node.solver import Solver
+from sim_node.simulation import Simulation
+from sim_node.solver import ENGINES, Solver
 from snca_ros.cell.nca import Architecture
-from snca_ros.controller_file import load_controller
+from snca_ros.controller import Controller
+from snca_ros.controller_file import load_controller, save_controller
 from snca_ros.evolution.checkpoint import RunFolder
 from snca_ros.evolution.config import RunConfig
-from snca_ros.evolution.evaluator import Evaluator, group_width
+from snca_ros.evolution.evaluator import Evaluator, evaluate, group_width
 from snca_ros.evolution.evolve import evolve
+from snca_ros.evolution.locomotion import run_episode
 from snca_ros.evolution.workers import IN_PROCESS, local_workers
 
 CONFIG = RunConfig(
@@ -40,7 +44,7 @@ def test_groups_of_other_sizes_give_the_same_run(whole, tmp_path):
     path, progress = whole
     other = run(tmp_path / 'two', 2)  # groups of 4 robots rather than 8
     assert other.history == progress.history
-    assert other.reassessed.tolist() == progress.reassessed.tolist()
+    assert other.v_x_other == progress.v_x_other
     assert (tmp_path / 'two' / 'history.csv').read_text() == (path / 'history.csv').read_text()
 
 
@@ -53,28 +57,114 @@ def test_scores_are_those_of_each_alone(whole):
         assert evaluator(theta[np.newaxis]) == [fitness]
 
 
-def test_best_quarter_is_scored_again_in_pymunk(whole):
+@pytest.mark.parametrize('engine', ['batched', 'pymunk'])
+def test_best_is_that_of_the_runs_engine_and_walks_once_in_the_other(whole, tmp_path, engine):
     path, progress = whole
-    assert progress.reassessed.shape == (2,)
-    in_pymunk = Evaluator(replace(CONFIG, engine='pymunk'))
-    best_two = progress.strategy['individuals'][:2]
-    assert in_pymunk(best_two) == progress.reassessed.tolist()
+    if engine == 'pymunk':
+        path = tmp_path / 'run'
+        progress = run(path, 1, replace(CONFIG, engine=engine, evaluations=9))
     trained = load_controller(path / 'best.npz')
-    i = int(np.argmax(progress.reassessed))
-    assert trained.theta.tolist() == best_two[i].tolist()
-    assert trained.chosen_by == 'pymunk'
-    assert trained.fitness == trained.v_x['pymunk'] == progress.reassessed[i]
-    assert trained.v_x['batched'] == progress.strategy['fitness'][i]
+    best = progress.strategy['individuals'][:1]
+    assert trained.theta.tolist() == best[0].tolist()
+    assert trained.chosen_by == engine
+    assert trained.fitness == progress.strategy['fitness'].max() == progress.history[-1][-1]
+    assert trained.v_x == {e: Evaluator(replace(CONFIG, engine=e))(best)[0] for e in ENGINES}
+
+
+def test_last_whole_population_outlives_a_generation_that_the_budget_cuts(whole):
+    path, progress = whole
+    assert [row[1] for row in progress.history] == [8, 15, 20]
+    individuals, fitness = progress.population
+    assert (individuals.shape, fitness.shape) == ((8, CONFIG.n_parameters), (8,))
+    assert (np.diff(fitness) <= 0.0).all()
+    assert list(Evaluator(CONFIG)(individuals)) == fitness.tolist()
+    strategy = CONFIG.new_strategy()
+    for _ in range(2):
+        candidates = strategy.ask()
+        strategy.tell(candidates, np.array(Evaluator(CONFIG)(candidates)))
+    assert individuals.tolist() == strategy.individuals.tolist()
+    assert len(progress.strategy['individuals']) == 1 + 5
+    assert_same(RunFolder.resume(path).load().population, progress.population)
+
+
+@pytest.mark.parametrize(('evaluations', 'n'), [(5, 5), (8, 8), (15, 8)])
+def test_a_budget_that_cuts_no_later_generation_has_its_population_in_the_strategy(
+    tmp_path, evaluations, n
+):
+    progress = run(tmp_path / 'run', 1, replace(CONFIG, evaluations=evaluations))
+    assert progress.whole is None
+    assert_same(progress.population, (
+        progress.strategy['individuals'], progress.strategy['fitness']
+    ))
+    assert len(progress.population[1]) == n
+
+
+def assert_same(found, expected):
+    assert [array.tolist() for array in found] == [array.tolist() for array in expected]
+
+
+def finished_by_old_rules(path, progress, **entries):
+    """Make a run folder as an earlier version left it, with its best.npz; return its bytes."""
+    shutil.copytree(path, path.parent / 'old')
+    old = path.parent / 'old'
+    arrays = {**progress.strategy, 'history': np.array(progress.history), **entries}
+    np.savez(old / 'checkpoint.npz', **arrays)
+    trained = load_controller(path / 'best.npz')
+    i = int(np.argmax(entries.get('reassessed', [0.0])))
+    fitness = {'batched': float(progress.strategy['fitness'][i])}
+    if 'reassessed' in entries:
+        fitness['pymunk'] = float(entries['reassessed'][i])
+    save_controller(old / 'best.npz', replace(
+        trained, theta=progress.strategy['individuals'][i], v_x=fitness,
+        fitness=list(fitness.values())[-1], chosen_by=list(fitness)[-1],
+        versions={'snca_ros': 'an earlier one'},
+    ))
+    return old, {p.name: p.read_bytes() for p in old.iterdir()}
+
+
+@pytest.mark.parametrize('entries', [{'reassessed': np.array([0.25, 0.5])}, {}])
+def test_a_run_that_an_earlier_version_finished_stays_as_it_is(whole, tmp_path, entries):
+    shutil.copytree(whole[0], tmp_path / 'run')
+    old, before = finished_by_old_rules(tmp_path / 'run', whole[1], **entries)
+    folder = RunFolder.resume(old)
+    progress = evolve(folder, IN_PROCESS)
+    folder.close()
+    assert progress.by_old_rules
+    assert {p.name: p.read_bytes() for p in old.iterdir()} == before
+    assert load_controller(old / 'best.npz').chosen_by == ('pymunk' if entries else 'batched')
+    # What a kill left half written is mended, by the rules of that run.
+    (old / 'best.npz').write_bytes(before['best.npz'][:100])
+    RunFolder.resume(old).load()
+    mended = load_controller(old / 'best.npz')
+    assert mended.theta.tolist() == progress.strategy['individuals'][len(entries)].tolist()
+    assert mended.fitness == (0.5 if entries else progress.strategy['fitness'][0])
+
+
+def test_a_run_that_an_earlier_version_began_ends_by_todays_rules(whole, tmp_path):
+    path, _ = whole
+    folder = RunFolder.create(tmp_path / 'run', CONFIG)
+    with pytest.raises(KeyboardInterrupt):
+        evolve(folder, IN_PROCESS, stop)
+    folder.close()
+    checkpoint = tmp_path / 'run' / 'checkpoint.npz'
+    with np.load(checkpoint) as data:
+        kept = 'individuals', 'fitness', 'generation', 'history'
+        np.savez(checkpoint, **{name: data[name] for name in kept}, reassessed=np.empty(0))
+    folder = RunFolder.resume(tmp_path / 'run')
+    evolve(folder, IN_PROCESS)
+    folder.close()
+    for name in ('checkpoint.npz', 'best.npz', 'history.csv'):
+        assert (tmp_path / 'run' / name).read_bytes() == (path / name).read_bytes()
+
+
+def stop(progress):
+    if progress.evaluations > 8:
+        raise KeyboardInterrupt
 
 
 def test_a_run_stopped_before_the_end_goes_on_to_the_same_end(whole, tmp_path):
     path, _ = whole
     folder = RunFolder.create(tmp_path / 'run', CONFIG)
-
-    def stop(progress):
-        if progress.evaluations > 8:
-            raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt):
         evolve(folder, IN_PROCESS, stop)
     folder.close()
@@ -83,18 +173,49 @@ def test_a_run_stopped_before_the_end_goes_on_to_the_same_end(whole, tmp_path):
     folder = RunFolder.resume(tmp_path / 'run')
     evolve(folder, IN_PROCESS)
     folder.close()
-    for name in ('history.csv', 'config.yaml'):
-        assert (tmp_path / 'run' / name).read_text() == (path / name).read_text()
-    ours, theirs = (load_controller(p / 'best.npz') for p in (tmp_path / 'run', path))
-    assert ours.theta.tolist() == theirs.theta.tolist()
-    assert ours.v_x == theirs.v_x
+    for name in ('history.csv', 'config.yaml', 'checkpoint.npz', 'best.npz'):
+        assert (tmp_path / 'run' / name).read_bytes() == (path / name).read_bytes()
 
 
-def test_a_run_in_pymunk_is_not_judged_twice(tmp_path):
-    progress = run(tmp_path / 'run', 1, replace(CONFIG, engine='pymunk', evaluations=8))
-    assert progress.reassessed.shape == (0,)
+def test_a_run_killed_before_the_other_engine_goes_on_to_the_same_end(whole, tmp_path):
+    path, progress = whole
+    shutil.copytree(path, tmp_path / 'run')
+    folder = RunFolder.resume(tmp_path / 'run')
+    folder.save(replace(progress, v_x_other=None))
+    folder.close()
+    assert list(load_controller(tmp_path / 'run' / 'best.npz').v_x) == ['batched']
+    folder = RunFolder.resume(tmp_path / 'run')
+    assert evolve(folder, IN_PROCESS).v_x_other == progress.v_x_other
+    folder.close()
+    for name in ('checkpoint.npz', 'best.npz'):
+        assert (tmp_path / 'run' / name).read_bytes() == (path / name).read_bytes()
+
+
+def test_a_run_that_the_other_engine_cannot_do_has_one_speed(tmp_path):
+    config = replace(
+        CONFIG, engine='pymunk', evaluations=8, solver=Solver(self_collision=True)
+    )
+    progress = run(tmp_path / 'run', 1, config)
     trained = load_controller(tmp_path / 'run' / 'best.npz')
     assert trained.v_x == {'pymunk': trained.fitness}
+    assert np.isnan(progress.v_x_other)
+    folder = RunFolder.resume(tmp_path / 'run')
+    assert np.isnan(evolve(folder, IN_PROCESS).v_x_other)
+    folder.close()
+
+
+@pytest.mark.parametrize('engine', ['batched', 'pymunk'])
+def test_pushed_starts_are_those_of_the_simulation(engine):
+    config = replace(CONFIG, engine=engine)
+    thetas = np.random.default_rng(0).uniform(-1.0, 1.0, (3, config.n_parameters))
+    pushes = (0, 3, 101, 0)
+    found = [list(evaluate(IN_PROCESS, config, thetas, push)) for push in pushes]
+    for push, of_push in zip(pushes, found, strict=True):
+        simulation = Simulation('worm-3x1', engine=engine, push=push)
+        controllers = [Controller(config.architecture, simulation.morphology, t) for t in thetas]
+        episodes = [run_episode(simulation, c, config.duration) for c in controllers]
+        assert of_push == [episode.velocity(config.transient) for episode in episodes]
+    assert found[0] == found[-1] != found[1] != found[2]
 
 
 @pytest.mark.parametrize(('n', 'width'), [(1, 4), (4, 4), (5, 8), (16, 16), (18, 16)])

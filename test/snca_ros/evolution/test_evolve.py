@@ -253,6 +253,10 @@ def test_checkpoint_is_the_best_first(whole):
     np.testing.assert_array_equal(arrays['individuals'][0], best.theta)
     assert arrays['individuals'].shape[1] == 500
     assert arrays['generation'] == 29
+    # The last generation has 3 candidates: the population before it is kept.
+    assert (len(arrays['individuals']), arrays['population'].shape) == (4, (8, 500))
+    assert arrays['population_fitness'][0] == float(history_of(whole)[-2]['best_so_far'])
+    assert arrays['other_engine'].tolist() == [best.v_x['batched']]
 
 
 def test_number_of_workers_does_not_matter(whole, tmp_path):
@@ -266,7 +270,8 @@ def test_number_of_workers_does_not_matter(whole, tmp_path):
 def test_budget_within_the_first_generation_and_default_folder(whole, tmp_path, evaluations):
     run = evolve(*TASK, '--evaluations', evaluations, '--workers', 1, cwd=tmp_path)
     assert run.returncode == 0, run.stderr
-    name = f'worm-U-nD-snn-h-flat-evaluations{evaluations}-population8-duration1-transient0.2-seed3'
+    settings = f'evaluations{evaluations}-population8-duration1-transient0.2'
+    name = f'worm-U-nD-snn-h-flat-reference-{settings}-seed3'
     folder = tmp_path / 'runs' / name
     assert {p.name for p in folder.iterdir()} - {'.lock'} == FILES
     rows = history_of(folder)
@@ -808,6 +813,17 @@ def damaged_checkpoints() -> dict[str, Callable[[dict], object]]:
         'history empty': with_('history', lambda a: a[:0]),
         'history of text': with_('history', lambda a: a.astype(str)),
         'history not finite': with_value('history', (-1, 1), np.nan),
+        'population too small': lambda arrays: {
+            **arrays, 'population': arrays['population'][:-1],
+            'population_fitness': arrays['population_fitness'][:-1],
+        },
+        'population without its fitness': without('population_fitness'),
+        'population of another robot': with_('population', lambda a: a[:, :-1]),
+        'population not finite': with_value('population', (1, 2), np.inf),
+        'population not sorted': with_('population_fitness', lambda a: a[::-1]),
+        'other engine twice': with_('other_engine', lambda a: np.tile(a, 2)),
+        'other engine of text': with_('other_engine', lambda a: a.astype(str)),
+        'unknown entry': lambda arrays: {**arrays, 'more': np.zeros(1)},
     }
 
 

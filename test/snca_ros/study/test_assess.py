@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim_node.simulation import Simulation
-from sim_node.terrain import UNSEEN_TERRAINS
+from sim_node.terrain import UNSEEN_KINDS, UNSEEN_TERRAINS, unseen_terrains
 from snca_ros import cli
 from snca_ros.box import DEFAULT_CONTROLLER, find_controller
 from snca_ros.cell.nca import Architecture
@@ -34,12 +34,6 @@ def worms(tmp_path):
 def assess(*arguments, capsys):
     code = cli.main(['assess', *map(str, arguments)])
     return code, *capsys.readouterr()
-
-
-def test_unseen_terrains_are_the_sixteen_of_the_model():
-    kinds = [name.partition('-')[0] for name in UNSEEN_TERRAINS]
-    assert len(set(UNSEEN_TERRAINS)) == 16
-    assert [kinds.count(k) for k in ('hilly', 'steppy', 'downhill', 'uphill')] == [6, 6, 2, 2]
 
 
 @pytest.mark.parametrize('engine', ['pymunk', 'batched'])
@@ -87,6 +81,29 @@ def test_table_csv_and_figure_tell_the_same(worms, tmp_path, capsys):
     assert all(f'<!-- {terrain} -->' in picture for terrain in terrains)
 
 
+def test_seeds_of_terrains_count_within_their_kind(worms, tmp_path, capsys):
+    path = tmp_path / 'scores.csv'
+    options = ('--workers', 1, '--duration', 5.1, '--csv', path)
+    code, out, err = assess(worms[0], '--terrain-seeds', 2, *options, capsys=capsys)
+    assert (code, err) == (0, '')
+    with path.open(newline='') as file:
+        v_x = {row['terrain']: float(row['v_x']) for row in csv.DictReader(file)}
+    kinds = unseen_terrains(2)
+    assert list(v_x) == [
+        *(name for names in kinds.values() for name in names), *UNSEEN_KINDS[:12], 'mean'
+    ]
+    assert v_x['hilly-1-20-16'] == score(Trial(trained_worm(), 'hilly-1-20-16', duration=5.1))
+    for kind, names in kinds.items():
+        assert v_x[kind] == np.mean([v_x[name] for name in names])
+    assert v_x['mean'] == pytest.approx(np.mean([v_x[kind] for kind in UNSEEN_KINDS]), rel=1e-12)
+    lines = [line.split()[0] for line in out.splitlines()[2:]]
+    assert lines == [worms[0], 'v_x', *UNSEEN_KINDS, 'mean']
+
+    code, out, _ = assess(worms[0], '--terrain-seeds', 1, *options, capsys=capsys)
+    assert (code, assess(worms[0], *options, capsys=capsys)[1]) == (0, out)
+    assert [line.split()[0] for line in out.splitlines()[4:-1]] == [*UNSEEN_TERRAINS]
+
+
 def test_lines_of_a_table():
     scores = np.array([[1.0, 0.0, 2.0, 4.0], [3.0, 2.0, 2.0, 2.0]])
     name, head, flat, hilly = table('worm', ['flat', 'hilly'], scores)
@@ -113,6 +130,11 @@ def test_summary_of_starts():
         (['nowhere.npz'], ['nowhere.npz', 'controller file']),
         ([DEFAULT_CONTROLLER, '--terrains', 'flat,hily-1-10-0'], ['hily-1-10-0', "'hilly'"]),
         ([DEFAULT_CONTROLLER, '--engine', 'pymnk'], ['engine', "did you mean 'pymunk'?"]),
+        ([DEFAULT_CONTROLLER, '--terrain-seeds', '0'], ['terrain_seeds', '0', 'from 1 to 1000']),
+        ([DEFAULT_CONTROLLER, '--terrain-seeds', '2', '--terrains', 'flat'],
+         ['terrain_seeds', '2', 'none with --terrains']),
+        ([DEFAULT_CONTROLLER, '--terrain-seeds', '2', '--faults', 'loss=0..1'],
+         ['terrain_seeds', '2', 'none with --faults']),
         ([DEFAULT_CONTROLLER, '--starts', '-1'], ['starts', 'from 0']),
         ([DEFAULT_CONTROLLER, '--duration', '5'], ['duration', '5.0', 'above 5 s']),
         ([DEFAULT_CONTROLLER, '--duration', 'nan'], ['duration', 'nan']),

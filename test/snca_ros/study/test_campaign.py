@@ -5,7 +5,7 @@ import os
 import shutil
 import signal
 import subprocess
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,13 +23,20 @@ from tiny_campaign import (
 )
 
 from sim_node.errors import InvalidInput
-from sim_node.terrain import UNSEEN_TERRAINS
+from sim_node.solver import Solver
+from sim_node.terrain import UNSEEN_KINDS, UNSEEN_TERRAINS
 from snca_ros import cli
-from snca_ros.controller_file import load_controller
+from snca_ros.cell.nca import Architecture
+from snca_ros.controller_file import load_controller, package_versions
+from snca_ros.evolution.checkpoint import RunFolder
+from snca_ros.evolution.config import RunConfig
+from snca_ros.evolution.evaluator import Evaluator
 from snca_ros.evolution.workers import local_workers
 from snca_ros.study.assess import Trial, score
 from snca_ros.study.campaign_file import read_campaign
-from snca_ros.study.results import COLUMNS, STARTS, Results, perform, read_rows
+from snca_ros.study.columns import COLUMNS, MAY_BE_EMPTY, settings_of
+from snca_ros.study.endpoints import perform
+from snca_ros.study.results import Results, read_rows
 
 
 @pytest.fixture(scope='module')
@@ -69,18 +76,28 @@ def test_every_run_has_its_row_history_and_controller(file, whole):
         'results.csv',
         *(f'histories/{name}.csv' for name in configs),
         *(f'controllers/{name}.npz' for name in configs),
+        *(f'controllers/{name}-robust.npz' for name in configs),
     }
     for name, row in rows.items():
         config = configs[name]
         assert tuple(row) == COLUMNS
-        told = row['shape'], row['architecture'], row['neuron_model'], row['engine']
-        cell = config.architecture
-        assert told == (config.shape, cell.name, cell.neuron_model, config.engine)
-        assert (row['seed'], row['n_evaluations']) == (str(config.seed), '40')
-        assert row['as_printed'] == 'false'
-        best = whole / 'runs' / name / 'best.npz'
-        kept = whole / 'results' / 'controllers' / f'{name}.npz'
-        assert kept.read_bytes() == best.read_bytes()
+        assert {key: row[key] for key in settings_of(config)} == settings_of(config)
+        assert (row['seed'], row['evaluations'], row['duration']) == (str(config.seed), '40', '1')
+        assert (row['strategy'], row['physics'], row['as_printed']) == ('es', 'reference', 'false')
+        assert row['terrain_set'] == 'seeds-1-12'
+        versions = package_versions()
+        for package in ('code', 'numpy', 'numba', 'pymunk'):
+            assert row[f'{package}_version'] == versions[package]
+        for what, suffix in (('best', ''), ('robust', '-robust')):
+            made = whole / 'runs' / name / f'{what}.npz'
+            kept = whole / 'results' / 'controllers' / f'{name}{suffix}.npz'
+            assert kept.read_bytes() == made.read_bytes()
+
+
+def test_every_setting_of_a_run_has_a_column():
+    settings = {f.name for of in (RunConfig, Architecture, Solver) for f in fields(of)}
+    # uniform and directional are the architecture's name; no campaign changes the material.
+    assert settings - {*COLUMNS} == {'uniform', 'directional', 'material', 'solver'}
 
 
 def test_speeds_are_those_of_the_controller(file, whole):
@@ -89,18 +106,68 @@ def test_speeds_are_those_of_the_controller(file, whole):
         config = configs[name]
         best = load_controller(whole / 'results' / 'controllers' / f'{name}.npz')
         trial = Trial(best, 'flat', duration=1.0, transient=0.2)
-        assert float(row['v_x']) == best.fitness == best.v_x[row['chosen_by']]
-        assert float(row[f'v_x_{config.engine}']) == best.v_x[config.engine]
-        assert float(row['v_x_pymunk']) == score(trial)
-        assert float(row['v_x_batched']) == score(replace(trial, engine='batched'))
-        unseen = [float(row[terrain]) for terrain in UNSEEN_TERRAINS]
+        assert row['chosen_by'] == best.chosen_by == config.engine
+        assert float(row['v_x_end']) == best.fitness == score(replace(trial, engine=config.engine))
+        assert float(row['v_x_other']) == score(replace(trial, engine=config.other_engine))
+        history = (whole / 'runs' / name / 'history.csv').read_text().splitlines()
+        assert row['v_x_end'] == history[-1].split(',')[-1]
+        unseen = [float(row[kind]) for kind in UNSEEN_KINDS]
         assert unseen[3] == score(replace(trial, terrain=UNSEEN_TERRAINS[3]))
         assert float(row['v_x_unseen']) == pytest.approx(np.mean(unseen))
-        pushed = [score(replace(trial, start=1 + i)) for i in range(STARTS)]
-        assert row['starts'] == str(STARTS)
-        assert float(row['v_x_starts_mean']) == np.mean(pushed)
-        assert float(row['v_x_starts_std']) == pytest.approx(np.std(pushed, ddof=1))
+        pushed = [score(replace(trial, start=i)) for i in range(1, 21)]
+        assert row['starts'] == '1-20'
+        assert float(row['v_x_pushed_mean']) == np.mean(pushed)
+        assert float(row['v_x_pushed_std']) == pytest.approx(np.std(pushed, ddof=1))
         assert 0.0 < float(row['frequency']) <= 30.0
+        assert 0.0 <= float(row['vibration']) <= 1.0
+
+
+def test_robust_controller_has_the_best_mean_of_the_last_whole_population(file, whole):
+    configs = {config.name: config for config in read_campaign(file)}
+    for name, row in rows_of(whole).items():
+        config = configs[name]
+        folder = RunFolder.resume(whole / 'runs' / name)
+        individuals, fitness = folder.load().population
+        folder.close()
+        assert len(individuals) == 8
+        evaluator = Evaluator(config)
+        means = np.mean([evaluator(individuals, start) for start in range(1, 21)], axis=0)
+        place = int(row['robust_rank']) - 1
+        assert means[place] == means.max() == float(row['v_x_robust_chosen'])
+        robust = load_controller(whole / 'results' / 'controllers' / f'{name}-robust.npz')
+        assert robust.theta.tolist() == individuals[place].tolist()
+        assert robust.fitness == fitness[place] == robust.v_x[config.engine]
+        trial = Trial(robust, 'flat', duration=1.0, transient=0.2)
+        pushed = [score(replace(trial, start=i)) for i in range(101, 121)]
+        assert row['robust_starts'] == '101-120'
+        assert float(row['v_x_robust_mean']) == np.mean(pushed)
+        assert float(row['v_x_robust_std']) == pytest.approx(np.std(pushed, ddof=1))
+        unseen = [score(replace(trial, terrain=terrain)) for terrain in UNSEEN_TERRAINS]
+        assert float(row['v_x_robust_unseen']) == np.mean(unseen)
+
+
+def test_only_what_an_engine_cannot_do_is_empty(whole, tmp_path):
+    for row in rows_of(whole).values():
+        assert [column for column, value in row.items() if not value] == []
+    config = RunConfig(
+        'worm-2x1', Architecture.named('U-D', 'mlp'), evaluations=4, population=4, duration=0.5,
+        transient=0.1, solver=Solver(self_collision=True),
+    )
+    row = perform(config, tmp_path / 'run').row
+    assert [column for column, value in row.items() if not value] == ['v_x_other']
+    assert 'v_x_other' in MAY_BE_EMPTY
+    assert row['self_collision'] == 'true'
+
+
+def test_run_that_an_earlier_version_finished_is_refused(file, whole, tmp_path):
+    config = read_campaign(file)[0]
+    shutil.copytree(whole / 'runs' / config.name, tmp_path / 'run')
+    path = tmp_path / 'run' / 'checkpoint.npz'
+    with np.load(path) as data:
+        kept = {name: data[name] for name in ('individuals', 'fitness', 'generation', 'history')}
+    np.savez(path, **kept, reassessed=np.array([0.1, 0.2]))
+    with pytest.raises(InvalidInput, match=r'run: .*earlier version.*remove the folder'):
+        perform(config, tmp_path / 'run')
 
 
 def test_history_is_the_best_so_far_where_it_rises(whole):
@@ -254,8 +321,11 @@ def test_results_in_use_are_refused(file, tmp_path, capsys):
         (lambda text: text.replace('v_x_unseen', 'v_x_seen'), ['header']),
         (lambda text: text[: len(text) // 2], ['results.csv:']),
         (lambda text: text + text.splitlines()[1] + '\n', ['run', 'no other row']),
-        (lambda text: text.replace(',mlp,false,0,', ',mlp,false,zero,', 1), ['seed', "'zero'"]),
-        (lambda text: text.replace(',20,', ',20,x', 1), ['v_x_starts_mean', 'a number']),
+        (lambda text: text.replace(',40,0,', ',40,zero,', 1), ['seed', "'zero'", 'a whole']),
+        (lambda text: text.replace(',40,0,', ',40.5,0,', 1), ['evaluations', "'40.5'"]),
+        (lambda text: text.replace(',1-20,', ',1-20,x', 1), ['v_x_pushed_mean', 'a number']),
+        (lambda text: text.replace(',101-120,', ',101-120,x', 1), ['v_x_robust_mean', 'a number']),
+        (lambda text: text.replace(',1-20,', ',1-20,,', 1), ['values']),
         (lambda text: '', ['file']),
         (lambda text: '\0', ['results.csv']),
     ],

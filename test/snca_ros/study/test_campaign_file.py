@@ -10,9 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_node.errors import InvalidInput
+from sim_node.solver import Solver
 from snca_ros.cell.nca import Architecture
 from snca_ros.evolution.config import RunConfig
 from snca_ros.study.campaign_file import read_campaign
+from snca_ros.study.columns import settings_of
+from snca_ros.study.results import read_rows
 
 EXPERIMENTS = Path(__file__).resolve().parents[3] / 'config' / 'experiments'
 
@@ -32,11 +35,11 @@ def test_the_papers_main_campaign():
     assert cases == {(s, *kind) for s in ('biped', 'comb', 'worm') for kind in kinds}
     assert len(runs) == 90
     assert [run.seed for run in runs] == [seed for seed in range(10) for _ in range(9)]
-    assert {(run.evaluations, run.engine, run.terrain) for run in runs} == {
-        (30_000, 'batched', 'flat')
+    assert {(run.evaluations, run.engine, run.terrain, run.solver) for run in runs} == {
+        (30_000, 'batched', 'flat', Solver(physics='reference'))
     }
     assert runs[0] == RunConfig('biped', Architecture.named('U-nD', 'snn-h'), engine='batched')
-    assert runs[0].name == 'biped-U-nD-snn-h-flat-batched-seed0'
+    assert runs[0].name == 'biped-U-nD-snn-h-flat-batched-reference-seed0'
 
 
 def test_the_papers_second_campaign_shares_runs_of_the_first():
@@ -45,6 +48,26 @@ def test_the_papers_second_campaign_shares_runs_of_the_first():
         for name in ('main', 'supplement')
     )
     assert (len(second), len(first & second)) == (180, 60)
+
+
+def test_results_of_the_first_physics_are_those_of_campaigns_that_name_it():
+    results = EXPERIMENTS.parents[1] / 'results' / 'first-physics'
+    campaigns = {
+        'first-physics/paper-main': ('paper', 90), 'as-printed': ('as_printed', 3),
+        'first-physics/paper-supplement': ('paper', 60 + 36), 'engines': ('engines', 20),
+        'strategies': ('strategies', 6),
+    }
+    for name, (folder, n) in campaigns.items():
+        runs = {run.name: run for run in read_campaign(EXPERIMENTS / f'{name}.yaml')}
+        rows = {row['run']: row for row in read_rows(results / folder / 'results.csv')}
+        assert len(runs.keys() & rows.keys()) == n
+        for run in runs.keys() & rows.keys():
+            told = settings_of(runs[run])
+            assert {key: rows[run][key] for key in told} == told
+    for name in ('main', 'supplement'):
+        old, new = (read_campaign(EXPERIMENTS / of / f'paper-{name}.yaml')
+                    for of in ('first-physics', '.'))
+        assert old == [replace(run, solver=Solver(physics='first')) for run in new]
 
 
 def test_the_small_campaign_asks_the_same_question():
@@ -121,8 +144,9 @@ def test_every_setting_is_in_a_runs_name():
         'shape': 'comb', 'terrain': 'uphill-10', 'evaluations': 10, 'seed': 1, 'population': 8,
         'sigma': 0.3500001, 'duration': 20.0, 'transient': 1.0, 'engine': 'batched',
         'strategy': 'cma', 'architecture': Architecture.named('nU-D', 'mlp'),
+        'solver': Solver(physics='first'),
     }
-    assert others.keys() == {f.name for f in fields(RunConfig)} - {'material', 'solver'}
+    assert others.keys() == {f.name for f in fields(RunConfig)} - {'material'}
     cells = [
         replace(plain.architecture, **change) for change in
         ({'n_c': 2, 'hidden': None}, {'hidden': (5,)}, {'hidden': (5, 3)}, {'hidden': ()},
@@ -133,4 +157,4 @@ def test_every_setting_is_in_a_runs_name():
         *(replace(plain, architecture=cell) for cell in cells),
     ]
     assert len({run.name for run in runs}) == len(runs)
-    assert plain.name == 'worm-U-D-mlp-flat-seed0'
+    assert plain.name == 'worm-U-D-mlp-flat-reference-seed0'

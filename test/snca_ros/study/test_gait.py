@@ -13,6 +13,7 @@ from snca_ros.controller import Controller
 from snca_ros.evolution.locomotion import run_episode
 from snca_ros.study.bag import read_bag
 from snca_ros.study.gait import (
+    VIBRATION,
     area_ratios,
     bridge_gaps,
     firing_rates,
@@ -20,6 +21,7 @@ from snca_ros.study.gait import (
     peak_frequency,
     power_spectrum,
     spike_times,
+    vibration_share,
 )
 
 
@@ -39,6 +41,39 @@ def test_the_frequency_of_a_sinusoid(periods, n, amplitude, phase, offset):
 @pytest.mark.parametrize('signal', [np.zeros(90), np.full(90, 0.3), np.linspace(-1, 1, 91)])
 def test_what_does_not_swing_has_no_frequency(signal):
     assert peak_frequency(power_spectrum(signal[:, None]), len(signal))[0] == 0.0
+
+
+@given(
+    slow=st.integers(1, 79), fast=st.integers(81, 300), ratio=st.floats(0.0, 4.0),
+    phase=st.floats(0.0, 6.28), offset=st.floats(-1.0, 1.0), odd=st.booleans(),
+)
+def test_vibration_is_the_share_of_power_above_its_frequency(
+    slow, fast, ratio, phase, offset, odd
+):
+    n = 601 if odd else 600  # 10 s: whole periods, but for an odd number of steps
+    time = np.arange(n) * 2 * np.pi / n
+    # Cosines of whole periods have no trend. The highest frequency that can be, every other step,
+    # has twice the power of a swing of its amplitude.
+    signal = np.stack([offset + np.cos(slow * time), ratio * np.cos(fast * time)], axis=1)
+    above = ratio**2 * (2.0 if 2 * fast == n else 1.0)
+    assert vibration_share(signal) == pytest.approx(above / (1.0 + above), abs=0.02)
+    assert vibration_share(signal[:, :1]) == pytest.approx(0.0, abs=0.02)
+
+
+def test_vibration_of_what_is_known():
+    assert VIBRATION == 8.0
+    time = np.arange(600) / 60.0
+    at = np.sin(2 * np.pi * 8.0 * time)[:, None]
+    assert vibration_share(at) < 0.01  # not above
+    assert vibration_share(np.sin(2 * np.pi * 8.1 * time)[:, None]) > 0.99
+    steps = np.sign(np.sin(2 * np.pi * (np.arange(600) + 0.5) / 4.0))[:, None]  # 15 Hz
+    assert vibration_share(steps) == pytest.approx(1.0, abs=1e-4)  # a trend is taken off
+    every = (-1.0) ** np.arange(600)[:, None]  # 30 Hz
+    assert vibration_share(every) == pytest.approx(1.0, abs=1e-4)
+    assert vibration_share(np.hstack([steps, 5.0 + 0.0 * steps])) == pytest.approx(1.0, abs=1e-4)
+    for still in (np.zeros((90, 2)), np.full((91, 2), 0.3), np.linspace(-1, 1, 91)[:, None]):
+        assert vibration_share(still) == 0.0
+    assert vibration_share(np.zeros((1, 2))) == 0.0
 
 
 def test_the_strongest_rhythm_is_the_robots(tmp_path):

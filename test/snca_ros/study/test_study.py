@@ -10,14 +10,13 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from made_up_results import PAPER_TYPES, made_up_row, paper_rows, write_results
+from made_up_results import PAPER_TYPES, first_row, made_up_row, paper_rows, write_results
 
 from sim_node.errors import InvalidInput
 from snca_ros import cli
 from snca_ros.study.cases import (
-    OTHER_ENGINE,
-    OWN_ENGINE,
     ControllerType,
+    known_measures,
     missing_runs,
     read_cases,
     warnings,
@@ -26,7 +25,13 @@ from snca_ros.study.comparison import draw_all, median_curve
 from snca_ros.study.contrasts import COLUMNS, contrasts, shown_contrasts
 from snca_ros.study.results import read_curve
 from snca_ros.study.statistics import compare
-from snca_ros.study.tables import champions_table, factors_table, told_p, vibration_table
+from snca_ros.study.tables import (
+    champions_table,
+    factors_table,
+    speeds_table,
+    told_p,
+    vibration_table,
+)
 
 SNCA = ControllerType('U-nD', 'snn-h')
 
@@ -86,20 +91,9 @@ def test_a_campaign_picks_its_runs_of_a_shared_table(tmp_path):
 
 def test_tables_that_do_not_agree_are_refused(tmp_path):
     one = write_results(tmp_path / 'one', [made_up_row()])
-    two = write_results(tmp_path / 'two', [made_up_row(v_x=1.0)])
+    two = write_results(tmp_path / 'two', [made_up_row(v_x_end=1.0)])
     with pytest.raises(InvalidInput, match=r'two/results.csv: run: .*one/results.csv has'):
         read_cases([one, two])
-
-
-def test_the_own_engine_is_that_of_evolution_whichever_chose(tmp_path):
-    numbers = {'v_x_pymunk': 1.0, 'v_x_batched': 2.0, 'chosen_by': 'pymunk'}
-    batched = made_up_row(**numbers)
-    pymunk = made_up_row(settings='flat', **numbers) | {'engine': 'pymunk'}
-    runs = [run for of in cases_of(tmp_path, batched, pymunk)['biped'].values() for run in of]
-    assert sorted(run.row['engine'] for run in runs) == ['batched', 'pymunk']
-    for run in runs:
-        own = 2.0 if run.row['engine'] == 'batched' else 1.0
-        assert (run.value(OWN_ENGINE), run.value(OTHER_ENGINE)) == (own, 3.0 - own)
 
 
 # --- what is missing or may mislead -----------------------------------------------------------
@@ -141,9 +135,7 @@ def test_as_printed_is_a_type_of_its_own_and_no_other_setting(tmp_path):
 
 def test_runs_of_other_settings_stand_apart(tmp_path):
     rows = [
-        made_up_row(seed=s, settings=settings, engine=engine)
-        for s in range(3)
-        for settings, engine in (('flat', 'pymunk'), ('flat-batched', 'batched'))
+        made_up_row(seed=s, engine=engine) for s in range(3) for engine in ('pymunk', 'batched')
     ]
     cases = cases_of(tmp_path, *rows)
     assert [(str(c), len(runs)) for c, runs in cases['biped'].items()] == [
@@ -172,7 +164,7 @@ def test_missing_runs_are_named(tmp_path):
 def test_every_pair_is_compared_on_each_shape_and_corrected_in_its_family(tmp_path):
     cases = cases_of(tmp_path, *paper_rows(6))
     found = contrasts(cases)
-    assert len(found) == 3 * 3 * 3
+    assert len(found) == 3 * 4 * 3
     family = [c for c in found if (c.shape, c.measure) == ('comb', 'v_x_unseen')]
     assert [(str(c.first), str(c.second)) for c in family] == [
         ('U-nD SNN-H', 'U-D MLP'), ('U-nD SNN-H', 'nU-D MLP'), ('U-D MLP', 'nU-D MLP')
@@ -195,8 +187,8 @@ def test_of_many_types_the_first_is_shown_with_each(tmp_path):
     ]
     found = contrasts(cases_of(tmp_path, *rows, *paper_rows(1, ('biped',))))
     shown = shown_contrasts(found)
-    assert sum(c.shape == 'comb' for c in found) == 3 * 15
-    assert sum(c.shape == 'comb' for c in shown) == 3 * 5
+    assert sum(c.shape == 'comb' for c in found) == 4 * 15
+    assert sum(c.shape == 'comb' for c in shown) == 4 * 5
     assert {c.first for c in shown if c.shape == 'comb'} == {SNCA}
     assert [c for c in shown if c.shape == 'biped'] == [c for c in found if c.shape == 'biped']
 
@@ -262,16 +254,16 @@ def test_median_curve_never_falls(runs):
 
 def test_figures_are_files_and_tell_what_the_table_says(drawn):
     names = {path.stem for path in drawn.glob('*.svg')}
-    kinds = ('boxes', 'medians', 'curves', 'frequency', 'luck')
+    kinds = ('boxes', 'medians', 'curves', 'vibration', 'luck')
     assert names == {f'{kind}-{shape}' for kind in kinds for shape in ('biped', 'comb', 'worm')}
     rows = [row for row in paper_rows(4, ('worm',)) if row['architecture'] == 'U-D']
     medians = ''.join(ET.parse(drawn / 'medians-worm.svg').getroot().itertext())
-    for column in ('v_x', 'v_x_unseen', 'v_x_starts_mean'):
+    for column in ('v_x_end', 'v_x_unseen', 'v_x_pushed_mean', 'v_x_robust_mean'):
         assert f'{np.median([float(row[column]) for row in rows]):.1f}' in medians
     boxes = ''.join(ET.parse(drawn / 'boxes-worm.svg').getroot().itertext())
     shown = [
         c for c in contrasts(read_cases([drawn.parent]))
-        if c.shape == 'worm' and c.measure != 'v_x_starts_mean'
+        if c.shape == 'worm' and c.measure in ('v_x_end', 'v_x_unseen')
     ]
     assert len(re.findall(r'\d\.\d{3} \(', boxes)) == len(shown) == 6
     assert all(f'{c.result.p:.3f} ({c.p_holm:.3f})' in boxes for c in shown)
@@ -293,15 +285,15 @@ def test_page_is_whole_and_self_contained(drawn):
     told = '4 seeds × 30,000 evaluations of U-nD SNN-H, U-D MLP, nU-D MLP'
     assert all(caption.endswith(told) for caption in captions)
     assert [len(list(table.iter('tr'))) for table in tree.iter('table')] == [
-        1 + 9, 1 + 9, 1 + 9, 1 + 1, 1 + 27,
+        1 + 9, 1 + 9, 1 + 9, 1 + 1, 1 + 36,
     ]
     assert '#1a1a1a' not in page
     assert 'Warnings' not in page
 
 
 def test_page_and_command_tell_warnings_and_what_is_missing(tmp_path, capsys):
-    rows = [made_up_row(seed=0), made_up_row('worm', 'U-D', 'mlp', v_x_starts_mean=-np.inf,
-                                             v_x_starts_std=np.nan, v_x=-np.inf)]
+    rows = [made_up_row(seed=0), made_up_row('worm', 'U-D', 'mlp', v_x_pushed_mean=-np.inf,
+                                             v_x_pushed_std=np.nan, v_x_end=-np.inf)]
     results = write_results(tmp_path / 'results', rows)
     code, out, _ = study(results, '--output', tmp_path / 'out', capsys=capsys)
     assert code == 0
@@ -322,7 +314,7 @@ def test_the_same_tables_give_the_same_bytes(drawn, tmp_path):
 
 def test_text_is_the_summary_and_writes_nothing(tmp_path, capsys):
     rows = [
-        made_up_row('biped', *of_type, seed, v_x=v_x + seed, v_x_pymunk=0.5)
+        made_up_row('biped', *of_type, seed, v_x_end=v_x + seed, v_x_other=0.5)
         for of_type, v_x in zip(PAPER_TYPES, (5.0, 1.0, 0.0), strict=True) for seed in range(3)
     ]
     results = write_results(tmp_path / 'results', rows)
@@ -335,19 +327,20 @@ def test_text_is_the_summary_and_writes_nothing(tmp_path, capsys):
     assert '| biped | end of evolution | U-nD SNN-H | U-D MLP | 6.00, 2.00 | 0.100 | 0.300 |' in out
     assert sorted(results.rglob('*')) == before
     tables = [line for line in out.splitlines() if line.startswith('|')]
-    assert len(tables) == 2 + 3 + 2 + 3 + 2 + 3 + 2 + 1 + 2 + 9
-    fastest = '| biped-U-nD-snn-h-flat-batched-seed'
+    assert len(tables) == 2 + 3 + 2 + 3 + 2 + 3 + 2 + 1 + 2 + 12
+    fastest = '| biped-U-nD-snn-h-flat-batched-reference-seed'
     assert sum(line.startswith(fastest) for line in tables) == 1
 
 
 def test_the_fastest_of_a_type_is_so_over_pushed_starts(tmp_path):
     rows = [
-        made_up_row(seed=s, v_x=v_x, v_x_starts_mean=mean, v_x_starts_std=0.25)
+        made_up_row(seed=s, v_x_end=v_x, v_x_pushed_mean=mean, v_x_pushed_std=0.25)
         for s, (v_x, mean) in enumerate([(9.0, 1.0), (5.0, 4.0), (7.0, 3.0)])
     ]
     (row,) = champions_table(cases_of(tmp_path, *rows)).rows
-    told = row[0], row[1], row[-2]
-    assert told == ('biped-U-nD-snn-h-flat-batched-seed1', '5.00', '4.00 ± 0.25')
+    assert row[:2] == ['biped-U-nD-snn-h-flat-batched-reference-seed1', '5.00']
+    assert row[4:6] == ['4.00 ± 0.25', '1 to 20']
+    assert row[7] == '101 to 120'
 
 
 def test_architectures_and_neuron_models_are_compared_where_all_else_is_alike(tmp_path):
@@ -355,25 +348,26 @@ def test_architectures_and_neuron_models_are_compared_where_all_else_is_alike(tm
         ('U-nD', 'snn-h'): 5.0, ('U-nD', 'mlp'): 2.0, ('U-D', 'snn-h'): 4.0, ('U-D', 'mlp'): 3.0,
     }
     rows = [
-        made_up_row(shape, *of_type, seed, v_x=v_x + seed, v_x_unseen=-v_x, v_x_starts_mean=1.0)
+        made_up_row(shape, *of_type, seed, v_x_end=v_x + seed, v_x_unseen=-v_x,
+                    v_x_pushed_mean=1.0, v_x_robust_mean=v_x)
         for shape in ('biped', 'comb') for of_type, v_x in speeds.items() for seed in range(3)
     ]
-    rows.append(made_up_row('worm', 'nU-D', 'snn', v_x=9.0))  # has nothing to be compared with
+    rows.append(made_up_row('worm', 'nU-D', 'snn', v_x_end=9.0))  # has nothing to be compared with
     table = factors_table(cases_of(tmp_path, *rows))
-    measures = ['end of evolution', 'unseen terrains', 'pushed starts']
+    measures = ['end of evolution', 'unseen terrains', 'pushed mean', 'robust']
     assert table.header == ['first', 'second', 'with', 'shapes', *measures]
     assert table.rows == [
-        ['SNN-H', 'MLP', 'U-D', '2', '2', '0', '0'],
-        ['SNN-H', 'MLP', 'U-nD', '2', '2', '0', '0'],
-        ['U-nD', 'U-D', 'MLP', '2', '0', '2', '0'],
-        ['U-nD', 'U-D', 'SNN-H', '2', '2', '0', '0'],
+        ['SNN-H', 'MLP', 'U-D', '2', '2', '0', '0', '2'],
+        ['SNN-H', 'MLP', 'U-nD', '2', '2', '0', '0', '2'],
+        ['U-nD', 'U-D', 'MLP', '2', '0', '2', '0', '0'],
+        ['U-nD', 'U-D', 'SNN-H', '2', '2', '0', '0', '2'],
     ]
     assert factors_table(cases_of(tmp_path / 'one', rows[0])).rows == []
 
 
 def test_types_with_settings_are_compared_with_their_like(tmp_path):
     rows = [
-        made_up_row('biped', architecture, 'snn', settings=f'{terrain}-batched')
+        made_up_row('biped', architecture, 'snn', settings={'terrain': terrain})
         for terrain in ('flat', 'uphill-10') for architecture in ('U-D', 'nU-D')
     ]
     assert [row[:4] for row in factors_table(cases_of(tmp_path, *rows)).rows] == [
@@ -382,7 +376,8 @@ def test_types_with_settings_are_compared_with_their_like(tmp_path):
 
 
 def test_robots_that_all_diverged_can_be_drawn(tmp_path):
-    speeds = dict.fromkeys(('v_x', 'v_x_pymunk', 'v_x_unseen', 'v_x_starts_mean'), -np.inf)
+    names = 'v_x_end', 'v_x_other', 'v_x_unseen', 'v_x_pushed_mean', 'v_x_robust_mean'
+    speeds = dict.fromkeys(names, -np.inf)
     assert len(draw_all(cases_of(tmp_path, made_up_row(**speeds)), [])) == 5
 
 
@@ -393,16 +388,34 @@ def test_tables_without_rows_are_left_out(tmp_path, capsys):
 
 
 def test_vibrating_runs_are_counted_and_compared_with_the_others(tmp_path):
-    numbers = [(4.0, 1.0, 8.0), (4.1, 2.0, 8.0), (15.0, 4.0, 4.0), (20.0, -1.0, 0.0)]
+    numbers = [(0.5, 1.0, 8.0), (0.51, 2.0, 8.0), (0.9, 4.0, 4.0), (1.0, -1.0, 0.0)]
     rows = [
-        made_up_row(seed=s, frequency=f, v_x_unseen=unseen, v_x=v_x)
-        for s, (f, unseen, v_x) in enumerate(numbers)
+        made_up_row(seed=s, vibration=share, frequency=1.0 + s, v_x_unseen=unseen, v_x_end=v_x)
+        for s, (share, unseen, v_x) in enumerate(numbers)
     ]
-    rows.append(made_up_row('comb', frequency=1.0, v_x=2.0, v_x_unseen=-np.inf))
-    assert vibration_table(cases_of(tmp_path, *rows)).rows == [
-        ['biped', str(SNCA), '4.00 to 20.00', '3 of 4', '6.00, 62 %', '8.00, 12 %'],
-        ['comb', str(SNCA), '1.00 to 1.00', '0 of 1', '–', '2.00, -inf %'],
+    rows.append(
+        made_up_row('comb', vibration=0.0, frequency=9.0, v_x_end=2.0, v_x_unseen=-np.inf)
+    )
+    table = vibration_table(cases_of(tmp_path, *rows))
+    assert table.header[2:5] == ['power above 8 Hz [%]', 'peak [Hz]', 'above 50 %']
+    assert table.rows == [
+        ['biped', str(SNCA), '50 to 100', '1.00 to 4.00', '3 of 4', '6.00, 62 %', '8.00, 12 %'],
+        ['comb', str(SNCA), '0 to 0', '9.00 to 9.00', '0 of 1', '–', '2.00, -inf %'],
     ]
+
+
+def test_of_the_first_tables_the_peak_alone_tells_who_vibrates(tmp_path):
+    rows = [
+        first_row('biped', 'U-nD', 'snn-h', s, frequency=f, v_x_unseen=unseen, v_x_batched=v_x)
+        for s, (f, unseen, v_x) in enumerate([(4.0, 1.0, 8.0), (4.1, 2.0, 8.0), (15.0, 4.0, 4.0)])
+    ]
+    table = vibration_table(cases_of(tmp_path, *rows))
+    assert table.header[2:4] == ['frequency [Hz]', 'above 4 Hz']
+    assert table.rows == [
+        ['biped', str(SNCA), '4.00 to 15.00', '2 of 3', '6.00, 62 %', '8.00, 12 %']
+    ]
+    kinds = [kind for kind, *_ in draw_all(cases_of(tmp_path / 'drawn', *rows), [])]
+    assert kinds == ['boxes', 'medians', 'curves', 'frequency', 'luck']
 
 
 @pytest.mark.parametrize(
@@ -414,25 +427,88 @@ def test_a_p_value_tells_its_side_of_the_level(p, told):
 
 
 @pytest.mark.parametrize(
-    ('names', 'told'),
+    ('settings', 'told'),
     [
-        (('hilly-10-1-0-batched', 'hilly-1-10-0-batched'), ['hilly-1-10-0', 'hilly-10-1-0']),
-        (('hilly-0.5-10-0-batched', 'hilly-0.5-10-10-batched'),
-         ['hilly-0.5-10-0', 'hilly-0.5-10-10']),
-        (('flat-batched-sigma1e-05', 'flat-batched'), ['', 'sigma1e-05']),
-        (('flat-batched-cma', 'uphill-10-batched'), ['flat cma', 'uphill-10 es']),
-        (('flat-batched-evaluations90', 'flat-batched'), ['']),
+        (({'terrain': 'hilly-10-1-0'}, {'terrain': 'hilly-1-10-0'}),
+         ['hilly-1-10-0', 'hilly-10-1-0']),
+        (({'sigma': 1e-05}, {}), ['sigma0.35', 'sigma1e-05']),
+        (({'strategy': 'cma'}, {'terrain': 'uphill-10'}), ['flat cma', 'uphill-10 es']),
+        (({'physics': 'first'}, {}), ['first-physics', 'reference-physics']),
+        (({'population': 8, 'duration': 15, 'transient': 2}, {}),
+         ['population36 duration30 transient5', 'population8 duration15 transient2']),
+        (({}, {}), ['']),
     ],
 )
-def test_settings_are_told_whole(tmp_path, names, told):
-    rows = [made_up_row(settings=name) for name in names]
+def test_settings_are_told_whole(tmp_path, settings, told):
+    rows = [made_up_row(seed=s, settings=of_run) for s, of_run in enumerate(settings)]
     assert sorted(c.settings for c in cases_of(tmp_path, *rows)['biped']) == told
 
 
+@pytest.mark.parametrize(
+    ('columns', 'told'),
+    [
+        ({'terrain_set': 'seed-0'}, ['unseen-seed-0', 'unseen-seeds-1-12']),
+        ({'n_c': '2', 'hidden': '12'}, ['', 'n_c2']),
+        ({'hidden': '16x8'}, ['', 'hidden16x8']),
+        ({'hidden': '0'}, ['', 'hidden0']),
+        ({'substeps': '4'}, ['substeps1', 'substeps4']),
+        ({'iterations': '20'}, ['iterations10', 'iterations20']),
+        ({'self_collision': 'true'}, ['', 'self-collision']),
+        ({'self_collision': 'other'}, ['', 'self-collision-other']),
+        ({'code_version': '0.1.0', 'numpy_version': '3'}, ['']),
+    ],
+)
+def test_columns_that_no_name_has_set_types_apart_too(tmp_path, columns, told):
+    rows = [made_up_row(seed=0), {**made_up_row(seed=1), **columns}]
+    assert sorted(c.settings for c in cases_of(tmp_path, *rows)['biped']) == told
+
+
+def test_nothing_is_read_out_of_a_runs_name(tmp_path):
+    rows = [{**made_up_row(seed=s), 'run': f'any-{s}-cma-uphill-20'} for s in range(3)]
+    ((controller, runs),) = cases_of(tmp_path, *rows)['biped'].items()
+    assert (controller, len(runs)) == (SNCA, 3)
+
+
+def test_first_tables_are_read_beside_those_of_today(tmp_path):
+    first = write_results(tmp_path / 'first', [
+        first_row('biped', 'U-nD', 'snn-h', s) for s in range(3)
+    ])
+    today = write_results(tmp_path / 'today', paper_rows(3, ('biped',)))
+    cases = read_cases([first])
+    assert list(cases['biped']) == [SNCA]
+    assert list(known_measures(cases)) == ['v_x_end', 'v_x_unseen', 'v_x_pushed_mean']
+    assert 'robust' not in champions_table(cases).header[-2]
+    (row,) = speeds_table(cases).rows
+    assert [cell.split()[0] for cell in row[4:]] == ['6.00', '5.00', '4.00', '3.00', '2.50']
+
+    joined = read_cases([first, today])
+    types = [str(controller) for controller in joined['biped']]
+    assert types == [
+        'U-nD SNN-H, first-physics unseen-seed-0',
+        'U-nD SNN-H, reference-physics unseen-seeds-1-12',
+        'U-D MLP, reference-physics unseen-seeds-1-12',
+        'nU-D MLP, reference-physics unseen-seeds-1-12',
+    ]
+    assert list(known_measures(joined)) == list(known_measures(cases))
+    vibration = vibration_table(joined)
+    assert vibration.rows[0][2] == '–'
+    assert vibration.header[4] == 'above 50 % (or 4 Hz)'
+    assert len(contrasts(joined)) == 3 * 6
+    assert draw_all(joined, [])
+
+
+def test_a_run_that_one_engine_cannot_do_has_no_speed_there(tmp_path):
+    cases = cases_of(tmp_path, *(made_up_row(seed=s, v_x_other='') for s in range(3)))
+    (row,) = speeds_table(cases).rows
+    assert row[5] == '–'
+    assert champions_table(cases).rows[0][2] == '–'
+    assert draw_all(cases, [])
+
+
 def test_types_with_settings_have_rows_of_their_own_in_the_table_of_medians(tmp_path):
-    names = 'flat', 'uphill-10', 'flat-cma'
-    rows = [made_up_row(settings=name, v_x_unseen=9.9) for name in names]
-    rows.append(made_up_row(as_printed=True, settings='flat', v_x_unseen=8.8))
+    settings = {}, {'terrain': 'uphill-10'}, {'strategy': 'cma'}
+    rows = [made_up_row(settings=of_run, v_x_unseen=9.9) for of_run in settings]
+    rows.append(made_up_row(as_printed=True, v_x_unseen=8.8))
     drawn = {kind: svg for kind, _, svg in draw_all(cases_of(tmp_path, *rows), [])}
     texts = [e.text for e in ET.fromstring(drawn['medians']).iter() if e.text]
     assert texts.count('9.9') == 3
@@ -447,6 +523,11 @@ def test_types_with_settings_have_rows_of_their_own_in_the_table_of_medians(tmp_
         ({'architecture': 'X-D'}, ['results.csv: architecture', "'X-D'", 'nU-nD']),
         ({'chosen_by': 'dice'}, ['results.csv: chosen_by', "'dice'", 'batched']),
         ({'v_x_unseen': 'nan'}, ['results.csv: v_x_unseen', "'nan'"]),
+        ({'v_x_robust_mean': 'nan'}, ['results.csv: v_x_robust_mean', "'nan'"]),
+        ({'strategy': 'esx'}, ['results.csv: strategy', "'esx'", "did you mean 'es'?"]),
+        ({'physics': 'second'}, ['results.csv: physics', "'second'"]),
+        ({'terrain_set': 'seeds-1-13'}, ['results.csv: terrain_set', "'seeds-1-12'"]),
+        ({'n_c': '0'}, ['results.csv: n_c', '0']),
         ({'as_printed': 'maybe'}, ['results.csv: as_printed', "'maybe'"]),
     ],
 )
