@@ -2,7 +2,7 @@
 
     python -m benchmarks.batched [--quick] [--json FILE]
 
-Physics alone is Munk2D stepped from C to C against the lanes' step, both under the same actuation,
+Physics alone is Munk2D's space stepped from C to C against the lanes' step, both under the same actuation,
 which changes in every step. An episode holds sensors and cells as well. Rounds of both engines
 take turns in one process; figures are medians of CPU time. The assembly of the sweep is searched
 for the vector registers that it uses, and for fused multiply-adds, of which there must be none.
@@ -16,11 +16,10 @@ import numba
 import numpy as np
 
 from benchmarks.command import run_part
-from sim_node import munk
 from sim_node.batched.robots import Robots
 from sim_node.batched.step import physics_step, sweep
 from sim_node.compiled import compiled
-from sim_node.simulation import Simulation, set_rest_lengths
+from sim_node.simulation import Simulation, set_rest_lengths, step_physics
 from snca_ros.cell.nca import Architecture
 from snca_ros.controller import Controller
 from snca_ros.evolution.crowd import run_episodes
@@ -38,7 +37,7 @@ def munk_steps(world, gaits):
     for k in range(gaits.shape[0]):
         actuation[:] = gaits[k, :, 0]
         set_rest_lengths(world, actuation)
-        munk.space_step(world.space, world.dt)
+        step_physics(world)
 
 
 @compiled

@@ -3,9 +3,9 @@
     python -m benchmarks.offline [--quick] [--json FILE]
 
 Every figure is the median over rounds that take turns, in CPU time of one process. The bare cost
-is that of Munk2D stepping the same space through the same motion, from C to C: the rest lengths
-that the episode's cells set are played back. The episode includes building its space, sensors,
-cells and rest lengths.
+is that of Munk2D with its own damped springs (the first physics), stepped from C to C through the
+rest lengths that the episode's cells set. The episode includes building its space, sensors, cells
+and rest lengths.
 """
 
 import statistics
@@ -17,6 +17,7 @@ from benchmarks.command import run_part
 from sim_node import munk
 from sim_node.compiled import compiled
 from sim_node.simulation import Simulation, sense, set_rest_lengths
+from sim_node.solver import Solver
 from snca_ros.cell.nca import Architecture
 from snca_ros.controller import Controller, step_all
 from snca_ros.evolution.locomotion import EPISODE, run_episode
@@ -84,7 +85,7 @@ def seconds(run, *arguments) -> float:
 
 def measure_case(shape: str, name: str, model: str, rounds: int, duration: float) -> dict:
     """Return the costs of one case; times in microseconds per control step."""
-    simulation = Simulation(shape)
+    simulation, bare = Simulation(shape), Simulation(shape, solver=Solver(physics='first'))
     architecture = Architecture.named(name, model)
     n = simulation.morphology.n_voxels
     theta = np.random.default_rng(1).uniform(-1.0, 1.0, architecture.n_parameters(n))
@@ -95,7 +96,7 @@ def measure_case(shape: str, name: str, model: str, rounds: int, duration: float
     calls = {
         'episode': lambda: run_episode(simulation, controller, duration),
         'reset': simulation.reset,
-        'bare': lambda: bare_steps(simulation.world, motion),
+        'bare': lambda: bare_steps(bare.world, motion),
         'sensors': lambda: sensor_steps(simulation.world, n_steps),
         'cells': lambda: cell_steps(
             controller.cells.state, controller.neighbors, simulation.world.readings,
@@ -107,7 +108,8 @@ def measure_case(shape: str, name: str, model: str, rounds: int, duration: float
         call()  # compile, or load
     taken: dict[str, list[float]] = {part: [] for part in calls}
     for _ in range(rounds):
-        for part, call in calls.items():  # in their order: bare steps need a fresh space
+        bare.reset()
+        for part, call in calls.items():
             taken[part].append(seconds(call))
     costs = {part: statistics.median(times) / n_steps * 1e6 for part, times in taken.items()}
     ratios = [e / b for e, b in zip(taken['episode'], taken['bare'], strict=True)]

@@ -40,7 +40,9 @@ def assess(*arguments, capsys):
 def test_a_trial_is_the_episode_of_its_simulation(engine):
     trained = load_controller(find_controller(DEFAULT_CONTROLLER))
     trial = Trial(trained, 'uphill-10', engine, start=2, duration=6.0, transient=1.0)
-    simulation = Simulation('biped', 'uphill-10', engine=engine, push=2)
+    simulation = Simulation(
+        'biped', 'uphill-10', engine=engine, push=2, solver=trained.solver
+    )
     expected = run_episode(simulation, trained.controller(), 6.0).velocity(1.0)
     assert score(trial) == expected != 0.0
 

@@ -1,0 +1,36 @@
+"""Controllers of the first physics walk as they always did, to the bit, in both engines.
+
+The digests were made before there was a second physics. They hold on one kind of machine and C
+library; elsewhere Munk2D's sines may round otherwise, and the walks must still be as fast.
+"""
+
+import hashlib
+import json
+from pathlib import Path
+
+import pytest
+
+from sim_node.simulation import Simulation
+from snca_ros.controller_file import load_controller
+from snca_ros.evolution.locomotion import run_episode
+
+FIXTURES = Path(__file__).resolve().parents[1] / 'fixtures' / 'first-physics'
+DIGESTS = json.loads((FIXTURES / 'digests.json').read_text())
+
+
+def walk(name, engine, terrain):
+    """Return the SHA-256 digest of the first 4 s of a walk: centres of mass and last readings."""
+    trained = load_controller(FIXTURES / f'{name}.npz')
+    assert trained.solver.physics == 'first'
+    simulation = Simulation(
+        trained.morphology, terrain, material=trained.material, solver=trained.solver, engine=engine
+    )
+    episode = run_episode(simulation, trained.controller(), 4.0)
+    digest = hashlib.sha256(episode.centers.tobytes())
+    digest.update(simulation.world.readings.tobytes())
+    return digest.hexdigest()[:16]
+
+
+@pytest.mark.parametrize('key', DIGESTS)
+def test_walks_are_the_same_bits(key):
+    assert walk(*key.split()) == DIGESTS[key]
