@@ -2,7 +2,7 @@
 
     python -m benchmarks.lane_loops [--quick] [--json FILE]
 
-The damping of all springs of a group, W = 16, the innermost work of a step, written both ways: on
+A sweep over all springs of a group, W = 16, the innermost work of a step, written both ways: on
 values of lanes, and as a loop over lanes for LLVM to vectorise, once as it comes and once promised
 that its arrays do not overlap. All give the same bits. Rounds take turns; medians of CPU time.
 """
@@ -15,31 +15,31 @@ import numpy as np
 from benchmarks.batched import new_robots, seconds
 from benchmarks.command import run_part
 from sim_node.batched.group import SPIN, VX, VY
-from sim_node.batched.springs import damp, get_velocity, set_velocity
+from sim_node.batched.springs import get_velocity, pull, set_velocity
 from sim_node.compiled import compiled, compiled_kernel
 from sim_node.simulation import Simulation
 
 
 @compiled
 def by_type(group, springs, masses, n):
-    """Let every spring damp `n` times, on values of lanes."""
+    """Let every spring act `n` times, on values of lanes."""
     for _ in range(n):
         for k in range(springs.shape[0]):
             a, b = group.spring_ends[k, 0], group.spring_ends[k, 1]
-            va, vb = damp(springs, k, get_velocity(masses, a), get_velocity(masses, b))
+            va, vb = pull(springs, k, get_velocity(masses, a), get_velocity(masses, b))
             set_velocity(masses, a, va)
             set_velocity(masses, b, vb)
 
 
 def _loop(springs, a, b):
-    """Do what `damp` does, for a spring (7, W) between masses (11, W), lane after lane."""
+    """Do what `pull` does, for a spring (8, W) between masses (11, W), lane after lane."""
     for i in range(16):
         nx, ny, arm_a, arm_b = springs[0, i], springs[1, i], springs[2, i], springs[3, i]
-        target, drag = springs[6, i], springs[4, i]
+        target, share = springs[6, i], springs[4, i]
         spin = arm_b * b[SPIN, i] - arm_a * a[SPIN, i]
         excess = (target - spin) - (nx * (b[VX, i] - a[VX, i]) + ny * (b[VY, i] - a[VY, i]))
         j = excess * springs[5, i]
-        springs[6, i] = (target - excess) + excess * drag
+        springs[6, i] = (target - excess) + excess * share
         a[VX, i] -= nx * j
         a[VY, i] -= ny * j
         a[SPIN, i] -= arm_a * j
