@@ -2,10 +2,11 @@
 
     python -m benchmarks.batched [--quick] [--json FILE]
 
-Physics alone is Munk2D's space stepped from C to C against the lanes' step, both under the same actuation,
-which changes in every step. An episode holds sensors and cells as well. Rounds of both engines
-take turns in one process; figures are medians of CPU time. The assembly of the sweep is searched
-for the vector registers that it uses, and for fused multiply-adds, of which there must be none.
+Physics alone is the robot's space in Munk2D, stepped from compiled code, against the lanes' step,
+both under the same actuation, which changes in every step. An episode holds sensors and cells as
+well. Rounds of both engines take turns in one process; figures are medians of CPU time. The
+assembly of the sweep is searched for the vector registers that it uses, and for fused
+multiply-adds, of which there must be none.
 """
 
 import re

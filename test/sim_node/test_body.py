@@ -233,14 +233,42 @@ def collide(a, b):
     return bool(not same_group and a.categories & b.mask and b.categories & a.mask)
 
 
-@pytest.mark.parametrize('self_collision', [False, True])
+@pytest.mark.parametrize('self_collision', [False, True, 'reference'])
 def test_who_collides_with_whom(self_collision):
     body = build('11', self_collision=self_collision)
     filters = [shape.filter for mass in body.masses for shape in mass.shapes]
     for a, b in itertools.combinations(filters, 2):
-        assert collide(a, b) == self_collision
+        assert collide(a, b) == bool(self_collision)
     for ground in body.ground.shapes:
         assert all(collide(f, ground.filter) for f in filters)
+    apart = {type(c).__name__ for c in body.space.constraints if not c.collide_bodies}
+    every = {'SoftSpring', 'SlideJoint', 'PivotJoint'}
+    assert apart == (every if self_collision == 'reference' else {'PivotJoint'})
+
+
+def test_friction_and_restitution_of_pairs():
+    for self_collision, of_itself in ((True, (2.0, 0.01)), ('reference', (10.0, 0.1))):
+        body = build('1', self_collision=self_collision)
+        (mass,) = body.masses[0].shapes
+        for ground in body.ground.shapes:
+            assert mass.friction * ground.friction == pytest.approx(math.sqrt(2.0))
+            assert mass.elasticity * ground.elasticity == pytest.approx(0.1)
+        assert (mass.friction**2, mass.elasticity**2) == pytest.approx(of_itself)
+
+
+def test_masses_of_a_robot_meet_as_in_the_reference():
+    """At rest only the masses at a corner that four voxels share touch: those across it."""
+    body = build('11-11', self_collision='reference', gravity=0.0)
+    for mass in body.masses:
+        mass.position += (50.0, 100.0)
+    index = {mass: i for i, mass in enumerate(body.masses)}
+    body.space.step(1e-6)
+    met = set()
+    for mass in body.masses:
+        mass.each_arbiter(lambda arbiter: met.add(frozenset(index[b] for b in arbiter.bodies)))
+    joined = {frozenset((index[c.a], index[c.b])) for c in body.space.constraints}
+    assert not met & joined
+    assert met == {frozenset((1, 15)), frozenset((4, 10))}
 
 
 @pytest.mark.parametrize('terrain', ['flat', 'hilly-1-10-0', 'steppy-0.5-10-3', 'uphill-20'])
