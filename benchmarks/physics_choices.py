@@ -180,7 +180,7 @@ def welds(quick):
 def ground_of(radius, chain=False):
     """Return a space with polygons or a chain of segments, shrunk and rounded by `radius`."""
     class Variant(Space):
-        def _add_ground(self, polygons):
+        def _add_ground(self, polygons, friction, restitution):
             p = np.vstack([polygons[:, 3], polygons[-1:, 2]])
             along = np.diff(p, axis=0)
             normals = along[:, ::-1] * (-1, 1) / np.linalg.norm(along, axis=1)[:, None]
@@ -196,8 +196,8 @@ def ground_of(radius, chain=False):
                 else:
                     corners = [(a[0], base), (b[0], base), b, a]
                     shape = lib.cpPolyShapeNewRaw(body, 4, corners, radius)
-                lib.cpShapeSetFriction(shape, 1.0)
-                lib.cpShapeSetElasticity(shape, 1.0)
+                lib.cpShapeSetFriction(shape, friction)
+                lib.cpShapeSetElasticity(shape, restitution)
                 lib.cpShapeSetFilter(shape, pymunk.ShapeFilter(categories=0b10))
                 shapes.append(munk.handle(lib.cpSpaceAddShape(space, shape)))
             return np.array(shapes, dtype=np.uintp)

@@ -58,9 +58,7 @@ class Space:
             friction, restitution = math.sqrt(_SELF_FRICTION), math.sqrt(_SELF_RESTITUTION)
             ground_friction = material.friction / friction
             ground_restitution = material.restitution / restitution
-        ground_shapes = _add_polygons(
-            self.handle, self.ground, ground, ground_friction, ground_restitution
-        )
+        ground_shapes = self._add_ground(ground, ground_friction, ground_restitution)
         self.bodies, shapes = _add_masses(
             self.handle,
             body.positions,
@@ -81,6 +79,12 @@ class Space:
             self, _loaded_free(), self.handle, constraints, ground_shapes, shapes, self.bodies
         )
         finalizer.atexit = False  # the process's end frees all memory
+
+    def _add_ground(
+        self, polygons: np.ndarray, friction: float, restitution: float
+    ) -> np.ndarray:
+        """Add the ground's shapes and return their handles; this object will free them."""
+        return _add_polygons(self.handle, self.ground, polygons, friction, restitution)
 
 
 @compiled
