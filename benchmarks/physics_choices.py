@@ -12,6 +12,7 @@ from pymunk._chipmunk import ffi, lib
 from sim_node import munk, simulation
 from sim_node.body import LIMIT, Constraints, build_body
 from sim_node.material import Material
+from sim_node.physics import PHYSICS
 from sim_node.pymunk_view import pymunk_view
 from sim_node.simulation import Diverged, Simulation
 from sim_node.solver import Solver
@@ -92,6 +93,34 @@ def costs(variants, default, rounds):
         drive(sim, 3, signal)
         times[r, i] = time.process_time() - start
     return times.min(axis=0) / times.min(axis=0)[default]
+
+
+def swing(shape, rate, physics, slop=None, **material):
+    """Return the standard deviation of areas [%] under a sine gait, from 3 s to 10 s."""
+    rules = PHYSICS[physics]
+    other = replace(rules, slop=rules.slop if slop is None else slop)
+    with mock.patch.dict(PHYSICS, {physics: other}):
+        sim = new(shape, solver=Solver(physics=physics), **material)
+    phase = np.arange(sim.morphology.n_voxels)
+    areas = drive(sim, 10, lambda k: np.sin(2 * np.pi * rate * k / 60 + phase),
+                  lambda sim: sim.world.area_ratios.copy())
+    return 100.0 * areas[180:].std(axis=0).mean()
+
+
+def two_physics(quick):
+    rates = (1.0, 2.5, 5.0, 8.0, 12.0, 15.0)
+    table('Swing of areas [%] of the reference, and of others relative to it, by frequency [Hz]',
+          'robot, physics | ' + ' | '.join(f'{rate:g}' for rate in rates))
+    cases = [('first', 'first', {}), ('first, damping ratio 0.4718', 'first',
+                                      {'damping_ratio': 0.4718}),
+             ('reference, slop 0.02', 'reference', {'slop': 0.02}),
+             ('reference, slop 0.1', 'reference', {'slop': 0.1})]
+    for shape, world in (('1', {'gravity': 0.0}), ('worm', {}), ('biped', {})):
+        basis = [swing(shape, rate, 'reference', **world) for rate in rates]
+        row(f'{shape}, reference', *(f'{b:.1f}' for b in basis))
+        for name, physics, options in cases:
+            of_it = [swing(shape, rate, physics, **options, **world) for rate in rates]
+            row(f'{shape}, {name}', *(f'{a / b:.3f}' for a, b in zip(of_it, basis, strict=True)))
 
 
 def actuation(quick):
@@ -296,5 +325,5 @@ if __name__ == '__main__':
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--quick', action='store_true', help='fewer runs: two minutes, not ten')
     quick = parser.parse_args().quick
-    for part in (actuation, rest, random_sequences, welds, champion, grounds):
+    for part in (two_physics, actuation, rest, random_sequences, welds, champion, grounds):
         part(quick)
