@@ -2,8 +2,9 @@
 
     python -m benchmarks.campaign [--quick] [--json FILE]
 
-One run of each case evolves in this process for a while, as a worker of `campaign` does it. Rates
-are evaluations per second of CPU time, after the first third, when robots begin to walk.
+One run of each case evolves in this process for a while, as a worker of `campaign` does it, and is
+assessed. Rates are evaluations per second of CPU time, after the first third, when robots begin to
+walk. Core-hours are those of evolution; the assessment stands beside them.
 """
 
 import heapq
@@ -20,6 +21,7 @@ from snca_ros.evolution.evolve import evolve
 from snca_ros.evolution.workers import IN_PROCESS
 from snca_ros.study.campaign_file import read_campaign
 from snca_ros.study.cases import ControllerType
+from snca_ros.study.endpoints import perform
 
 EXPERIMENTS = Path(__file__).parents[1] / 'config' / 'experiments'
 CORES = 2, 64, 1000
@@ -31,16 +33,20 @@ def case_of(config: RunConfig) -> str:
     return f'{config.shape} {ControllerType(cell.name, cell.neuron_model)}'
 
 
-def rate(config: RunConfig, generations: int) -> float:
-    """Return evaluations per second of CPU time of a run."""
+def measure_run(config: RunConfig, generations: int) -> tuple[float, float]:
+    """Return evaluations per second of CPU time of a run, and CPU seconds of its assessment."""
     marks: list[tuple[float, int]] = []
     short = replace(config, evaluations=generations * config.population)
     with tempfile.TemporaryDirectory() as folder:
-        run = RunFolder.create(Path(folder) / 'run', short)
+        path = Path(folder) / 'run'
+        run = RunFolder.create(path, short)
         evolve(run, IN_PROCESS, lambda p: marks.append((time.process_time(), p.evaluations)))
         run.close()
+        finished = time.process_time()
+        perform(short, path)  # it finds the run evolved, and assesses it
+        assessment = time.process_time() - finished
     (start, before), (end, after) = marks[generations // 3 - 1], marks[-1]
-    return (after - before) / (end - start)
+    return (after - before) / (end - start), assessment
 
 
 def makespan(durations: Iterable[float], cores: int) -> float:
@@ -61,23 +67,31 @@ def measure(quick: bool) -> dict:
         'the rest of paper-supplement': [c for c in supplement if c.name not in shared],
     }
     cases = {case_of(config): config for configs in campaigns.values() for config in configs}
-    rates = {case: rate(config, 9 if quick else 30) for case, config in cases.items()}
+    measured = {case: measure_run(config, 9 if quick else 30) for case, config in cases.items()}
+    rates = {case: of_evolution for case, (of_evolution, _) in measured.items()}
+    assessments = {
+        name: sum(measured[case_of(config)][1] for config in configs) / 3600.0
+        for name, configs in campaigns.items()
+    }
     hours = {
         name: [config.evaluations / rates[case_of(config)] / 3600.0 for config in configs]
         for name, configs in campaigns.items()
     }
-    return {'evaluations_per_cpu_second': rates, 'hours': hours}
+    return {
+        'evaluations_per_cpu_second': rates, 'hours': hours, 'hours_of_assessment': assessments
+    }
 
 
 def table(results: dict) -> str:
     """Return the measurements as text."""
     lines = ['evaluations per second of CPU time']
     lines += [f'  {case:20}{n:7.0f}' for case, n in results['evaluations_per_cpu_second'].items()]
-    lines.append(f'{"":30}   runs  core-hours  longest run [min]'
+    lines.append(f'{"":30}   runs  core-hours  assessment  longest run [min]'
                  + ''.join(f'{f"{cores} cores [h]":>16}' for cores in CORES))
     for name, hours in results['hours'].items():
         lines.append(
-            f'{name:30}{len(hours):7d}{sum(hours):12.1f}{60.0 * max(hours):19.1f}'
+            f'{name:30}{len(hours):7d}{sum(hours):12.1f}'
+            f'{results["hours_of_assessment"][name]:12.2f}{60.0 * max(hours):19.1f}'
             + ''.join(f'{makespan(hours, cores):16.2f}' for cores in CORES)
         )
     return '\n'.join(lines)

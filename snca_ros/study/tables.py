@@ -10,6 +10,7 @@ from snca_ros.study.cases import (
     ENDPOINTS,
     MEASURES,
     OTHER_ENGINE,
+    PUSHED,
     ROBUST,
     UNSEEN,
     Cases,
@@ -98,6 +99,9 @@ def _told_starts(run: Run, what: str, starts: str) -> tuple[str, str]:
 MOSTLY = 0.5
 """Share of the actuation's power above `VIBRATION` above which a robot counts as vibrating."""
 
+SLOWEST = 0.5
+"""Pushed mean [m/s] below which a share of it that is kept says nothing."""
+
 FAST_PEAK = 4.0
 """Frequency [Hz] of the peak of that power above which one counts as vibrating in a row of the
 first tables, which do not have the share: a voxel contracts and expands in less than 15 steps."""
@@ -113,13 +117,15 @@ def vibrates(run: Run) -> bool:
 def vibration_table(cases: Cases) -> Table:
     """Return how many runs of each case vibrate, and what those and the others keep of v_x.
 
-    Kept is the share of v_x at the end of evolution that is left on unseen terrains. Runs whose
-    robots do not walk forwards are left out of the medians. Of the first tables the peak alone is
-    known, and decides.
+    Kept is the share of the pushed mean that is left on unseen terrains; runs below `SLOWEST` are
+    left out of the medians. If there are runs of the first tables, of which the peak alone is
+    known, it decides about those, and kept is the share of v_x at the end of evolution, of all
+    runs that walk forwards.
     """
     rows = []
     all_runs = [run for of_shape in cases.values() for runs in of_shape.values() for run in runs]
     shares = any(run.knows_vibration for run in all_runs)
+    known = all(run.knows_vibration for run in all_runs)
     for shape, of_shape in cases.items():
         for controller, runs in of_shape.items():
             fast = [run for run in runs if vibrates(run)]
@@ -128,15 +134,15 @@ def vibration_table(cases: Cases) -> Table:
                 shape, str(controller),
                 *([_told_range(100.0 * column_of(runs, 'vibration'), '.0f')] if shares else ()),
                 _told_range(column_of(runs, 'frequency'), '.2f'),
-                f'{len(fast)} of {len(runs)}', _told_pace(fast), _told_pace(slow),
+                f'{len(fast)} of {len(runs)}', _told_pace(fast, known), _told_pace(slow, known),
             ])
-    known = all(run.knows_vibration for run in all_runs)
     vibrating = f'above {FAST_PEAK:g} Hz'
     if shares:
         vibrating = f'above {100 * MOSTLY:g} %{"" if known else f" (or {FAST_PEAK:g} Hz)"}'
     header = ['shape', 'controller', *([f'power above {VIBRATION:g} Hz [%]'] if shares else ()),
               'peak [Hz]' if shares else 'frequency [Hz]', vibrating,
-              'v_x [m/s] and share kept of those', 'of the others']
+              f'{"pushed mean" if known else "v_x"} [m/s] and share kept of those',
+              'of the others']
     return Table('Vibration: medians of runs that do and that do not', header, rows)
 
 
@@ -146,12 +152,13 @@ def _told_range(values: np.ndarray, form: str) -> str:
     return f'{values.min():{form}} to {values.max():{form}}'
 
 
-def _told_pace(runs: list[Run]) -> str:
-    walked = [run for run in runs if run.value(END) > 0.0]
+def _told_pace(runs: list[Run], by_pushed: bool) -> str:
+    base, least = (PUSHED, SLOWEST) if by_pushed else (END, np.nextafter(0.0, 1.0))
+    walked = [run for run in runs if run.value(base) >= least]
     if not walked:
         return '–'
-    kept = column_of(walked, UNSEEN) / column_of(walked, END)
-    return f'{_median(walked, END):.2f}, {100.0 * quartiles(kept)[1]:.0f} %'
+    kept = column_of(walked, UNSEEN) / column_of(walked, base)
+    return f'{_median(walked, base):.2f}, {100.0 * quartiles(kept)[1]:.0f} %'
 
 
 def factors_table(cases: Cases) -> Table:

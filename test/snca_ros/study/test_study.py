@@ -388,16 +388,21 @@ def test_tables_without_rows_are_left_out(tmp_path, capsys):
 
 
 def test_vibrating_runs_are_counted_and_compared_with_the_others(tmp_path):
-    numbers = [(0.5, 1.0, 8.0), (0.51, 2.0, 8.0), (0.9, 4.0, 4.0), (1.0, -1.0, 0.0)]
+    numbers = [(0.5, 1.0, 8.0), (0.51, 2.0, 8.0), (0.9, 4.0, 4.0), (1.0, -1.0, 0.49)]
     rows = [
-        made_up_row(seed=s, vibration=share, frequency=1.0 + s, v_x_unseen=unseen, v_x_end=v_x)
+        made_up_row(
+            seed=s, vibration=share, frequency=1.0 + s, v_x_unseen=unseen, v_x_pushed_mean=v_x
+        )
         for s, (share, unseen, v_x) in enumerate(numbers)
     ]
     rows.append(
-        made_up_row('comb', vibration=0.0, frequency=9.0, v_x_end=2.0, v_x_unseen=-np.inf)
+        made_up_row('comb', vibration=0.0, frequency=9.0, v_x_pushed_mean=2.0, v_x_unseen=-np.inf)
     )
     table = vibration_table(cases_of(tmp_path, *rows))
-    assert table.header[2:5] == ['power above 8 Hz [%]', 'peak [Hz]', 'above 50 %']
+    assert table.header[2:6] == [
+        'power above 8 Hz [%]', 'peak [Hz]', 'above 50 %',
+        'pushed mean [m/s] and share kept of those',
+    ]
     assert table.rows == [
         ['biped', str(SNCA), '50 to 100', '1.00 to 4.00', '3 of 4', '6.00, 62 %', '8.00, 12 %'],
         ['comb', str(SNCA), '0 to 0', '9.00 to 9.00', '0 of 1', '–', '2.00, -inf %'],
