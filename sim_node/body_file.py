@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from sim_node.errors import InvalidInput, check_keys, check_name
+from sim_node.errors import InvalidInput, check_keys
 from sim_node.material import Material
 from sim_node.morphology import Morphology, parse_morphology
-from sim_node.solver import ENGINES, Solver
+from sim_node.solver import Solver
 from sim_node.terrain import parse_terrain
 
 FORMAT_VERSION = 1
@@ -30,14 +30,12 @@ class BodyPart:
         morphology: the robot.
         terrain: name of the ground.
         material, solver: of the simulation; the solver names the physics.
-        engine: of the episode that evolution scored, one of `sim_node.solver.ENGINES`.
     """
 
     morphology: Morphology
     terrain: str
     material: Material
     solver: Solver
-    engine: str
 
 
 def load_body(path: Path | str) -> BodyPart:
@@ -124,12 +122,9 @@ def body_of(header: dict) -> BodyPart:
     shape = field_of(header, 'morphology', dict)
     check_keys('morphology', shape, ('name', 'grid'))
     name = field_of(shape, 'name', str, 'morphology.')
-    engine = header.get('chosen_by', 'pymunk')  # older files name none
-    check_name('chosen_by', engine, ENGINES)
     return BodyPart(
         Morphology(name, parse_morphology(shape.get('grid', '')).cells),
         parse_terrain(field_of(header, 'terrain', str)).name,
         Material.from_dict(field_of(header, 'material', dict)),
         Solver.from_dict(field_of(header, 'solver', dict)),
-        engine,
     )

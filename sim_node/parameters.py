@@ -61,14 +61,13 @@ def simulation_of(node: RosNode) -> Simulation:
     """
     p = node.parameter
     body = _body(p('controller', '', 'path of a controller file (.npz): morphology, terrain, '
-                   'engine, material and solver are its own where no parameter names another; '
+                   'material and solver are its own where no parameter names another; '
                    'empty: none'), node.where())
     shape = p('morphology', body.morphology.grid_string if body else 'biped',
               'shape name or grid, e.g. biped, comb-7x2, 1111-1001')
     terrain = p('terrain', body.terrain if body else 'flat',
                 'flat | hilly-h-w-seed | steppy-h-w-seed | uphill-a | ...')
-    engine = p('engine', body.engine if body else ENGINES[0],
-               f'physics engine: {" | ".join(ENGINES)}')
+    engine = p('engine', ENGINES[0], f'physics engine: {" | ".join(ENGINES)}')
     material, solver = (body.material, body.solver) if body else (Material(), Solver())
     constants = {
         f.name: p(

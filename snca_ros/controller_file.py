@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from sim_node.body_file import FORMAT_VERSION, body_of, check_version, field_of, read_archive
-from sim_node.errors import InvalidInput, check_keys
+from sim_node.errors import InvalidInput, check_keys, check_name
 from sim_node.material import Material
 from sim_node.morphology import Morphology
 from sim_node.solver import ENGINES, Solver
@@ -153,6 +153,11 @@ def _count(header: dict, name: str) -> int:
     return value
 
 
+def _engine(name: Any) -> str:
+    check_name('chosen_by', name, ENGINES)
+    return name
+
+
 def _scores(values: Any) -> dict[str, float]:
     if not isinstance(values, dict):
         raise InvalidInput('v_x', values, 'a speed per engine')
@@ -183,6 +188,6 @@ def _checked(header: dict, theta: np.ndarray) -> TrainedController:
         seed=_count(header, 'seed'),
         evaluations=_count(header, 'evaluations'),
         versions={str(k): str(v) for k, v in field_of(header, 'versions', dict).items()},
-        chosen_by=body.engine,
+        chosen_by=_engine(header.get('chosen_by', 'pymunk')),  # older files: none
         v_x=_scores(header.get('v_x', {})),
     )

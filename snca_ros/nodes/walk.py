@@ -68,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='start voxels again that were killed')
     parser.add_argument('--terrain', default='', help='default: the one it was evolved on')
     parser.add_argument('--engine', default='',
-                        help=f'{", ".join(ENGINES)} (default: the one that chose the controller)')
+                        help=f'{", ".join(ENGINES)} (default {ENGINES[0]})')
     parser.add_argument('--shape', help='refuse a controller of another shape than this')
     parser.add_argument('--robot', default='', help='namespace (default: the shape)')
     parser.add_argument('--voxels-per-process', type=int, default=1, metavar='K',
@@ -109,7 +109,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     bag = args.bag or Path('bags') / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'
     if not args.no_bag:
         check_new_bag(bag)
-    engine = args.engine or trained.chosen_by
+    engine = args.engine or ENGINES[0]
     faults = parse_faults(args.faults)
     options = WalkOptions(
         robot, args.terrain, engine, args.duration, args.real_time, args.voxels_per_process,

@@ -43,7 +43,7 @@ def record_offline(
     faults = faults or Faults()
     simulation = Simulation(
         trained.morphology, terrain or trained.terrain, material=trained.material,
-        solver=trained.solver, engine=trained.chosen_by, **faults.of_body,
+        solver=trained.solver, **faults.of_body,
     )
     controller = trained.controller(faults)
     n_steps, n_voxels = round(duration * CONTROL_RATE), trained.morphology.n_voxels

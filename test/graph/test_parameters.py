@@ -107,7 +107,7 @@ def test_a_controller_gives_all_of_body_and_world(simulation, trained):
     controller, path = trained
     found = simulation(controller=path)
     assert found.morphology.grid_string == controller.morphology.grid_string
-    assert (found.terrain.name, found.engine) == ('hilly-1-10-0', 'batched')
+    assert (found.terrain.name, found.engine) == ('hilly-1-10-0', 'pymunk')
     assert (found.material, found.solver) == (controller.material, controller.solver)
 
 

@@ -38,13 +38,11 @@ def test_all_that_it_says(tmp_path):
     assert body.terrain == 'hilly-1-10-0'
     assert body.material == Material(gravity=1.6)
     assert body.solver == Solver(substeps=2, physics='reference')
-    assert body.engine == 'batched'
 
 
 def test_a_file_from_before_physics_and_engines_had_names(tmp_path):
     body = load_body(write(tmp_path / 'a.npz', solver={'substeps': 2}, chosen_by=None))
     assert body.solver.physics == 'first'
-    assert body.engine == 'pymunk'
 
 
 @pytest.mark.parametrize(('changes', 'expected'), [
@@ -53,7 +51,6 @@ def test_a_file_from_before_physics_and_engines_had_names(tmp_path):
     ({'terrain': None}, 'terrain: got None'),
     ({'material': {'gravity': -1.0}}, r'material\.gravity: got -1\.0'),
     ({'solver': {'physics': 'frist'}}, r"solver\.physics: got 'frist', .*\(did you mean 'first'"),
-    ({'chosen_by': 'bullet'}, "chosen_by: got 'bullet'"),
 ])
 def test_what_is_off_is_named_with_its_file(tmp_path, changes, expected):
     path = write(tmp_path / 'a.npz', **changes)
