@@ -55,7 +55,7 @@ setup(
     packages=find_packages(include=['sim_node', 'sim_node.*', 'snca_ros', 'snca_ros.*']),
     package_data={
         'sim_node': ['py.typed'],
-        'snca_ros': ['py.typed', 'view/*.html', 'view/*.css', 'view/*.js', 'view/uplot/*'],
+        'snca_ros': ['py.typed', 'web/static/*', 'web/static/uplot/*'],
     },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),

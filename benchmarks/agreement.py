@@ -12,14 +12,14 @@ they fit.
 import numpy as np
 
 from benchmarks.command import run_part
-from sim_node.batched.robots import WIDTH, Robots
+from sim_node.batched.engine import WIDTH, Robots
 from sim_node.simulation import Simulation
-from snca_ros.box import DEFAULT_CONTROLLER, find_controller
-from snca_ros.cell.nca import Architecture
+from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
+from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller
 from snca_ros.controller_file import load_controller
-from snca_ros.evolution.crowd import run_episodes
-from snca_ros.evolution.locomotion import Episode, run_episode
+from snca_ros.evolution.episode import Episode, run_episode
+from snca_ros.evolution.episode_lanes import run_episodes
 
 CASES = (
     ('biped', 'U-nD', 'snn-h'), ('comb', 'U-nD', 'snn-h'),

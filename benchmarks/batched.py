@@ -17,14 +17,14 @@ import numba
 import numpy as np
 
 from benchmarks.command import run_part
-from sim_node.batched.robots import Robots
+from sim_node.batched.engine import Robots
 from sim_node.batched.step import physics_step, sweep
-from sim_node.compiled import compiled
+from sim_node.numerics.jit import compiled
 from sim_node.simulation import Simulation, set_rest_lengths, step_physics
-from snca_ros.cell.nca import Architecture
+from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller
-from snca_ros.evolution.crowd import run_episodes
-from snca_ros.evolution.locomotion import run_episode
+from snca_ros.evolution.episode import run_episode
+from snca_ros.evolution.episode_lanes import run_episodes
 
 SHAPES = ('biped', 'comb', 'worm')
 MODELS = (('U-D', 'mlp'), ('U-nD', 'snn-h'))

@@ -15,13 +15,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.command import run_part
+from snca_ros.campaign.endpoints import perform
+from snca_ros.campaign.specification import read_campaign
+from snca_ros.comparison.runs import ControllerType
 from snca_ros.evolution.checkpoint import RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evolve import evolve
 from snca_ros.evolution.workers import IN_PROCESS
-from snca_ros.study.campaign_file import read_campaign
-from snca_ros.study.cases import ControllerType
-from snca_ros.study.endpoints import perform
 
 EXPERIMENTS = Path(__file__).parents[1] / 'config' / 'experiments'
 CORES = 2, 64, 1000

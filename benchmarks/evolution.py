@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.command import run_part
-from snca_ros.cell.nca import Architecture
+from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.checkpoint import RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evaluator import Evaluator, evaluate

@@ -24,13 +24,13 @@ from typing import Any
 import numpy as np
 
 from benchmarks.command import run_part
-from sim_node.morphology import parse_morphology
-from sim_node.stamps import CONTROL_RATE, step_of_stamp
-from snca_ros.box import graph_environment
-from snca_ros.cell.nca import Architecture
+from sim_node.control_time import CONTROL_RATE, step_of_stamp
+from sim_node.model.morphology import parse_morphology
+from snca_ros.bundled import graph_environment
+from snca_ros.cell.architecture import Architecture
 from snca_ros.controller_file import TrainedController, load_controller, save_controller
-from snca_ros.nodes.bringup import NodeProcess, WalkOptions, describe_graph
-from snca_ros.nodes.processes import RunningGraph
+from snca_ros.graph.description import NodeProcess, WalkOptions, describe_graph
+from snca_ros.graph.processes import RunningGraph
 
 CASES = [  # shape, voxels per process
     ('worm', 1), ('biped', 1), ('comb', 1), ('worm-10x2', 1), ('worm-10x3', 1), ('worm-10x4', 1),
@@ -88,7 +88,7 @@ class Observer:
         from nav_msgs.msg import Odometry
         from rclpy.qos import DurabilityPolicy
 
-        from sim_node.interface import stream_qos
+        from sim_node.ros.topics import stream_qos
 
         seen: list[tuple[float, int]] = []
 
@@ -110,7 +110,7 @@ class Observer:
         """Give a list with the newest step of the robot's odometry while the context lasts."""
         from nav_msgs.msg import Odometry
 
-        from sim_node.interface import stream_qos
+        from sim_node.ros.topics import stream_qos
 
         newest = [-1]
 

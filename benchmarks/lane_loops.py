@@ -1,4 +1,4 @@
-"""The vector type of `sim_node.lanes` beside plain loops over lanes.
+"""The vector type of `sim_node.numerics.lanes` beside plain loops over lanes.
 
     python -m benchmarks.lane_loops [--quick] [--json FILE]
 
@@ -14,9 +14,9 @@ import numpy as np
 
 from benchmarks.batched import new_robots, seconds
 from benchmarks.command import run_part
-from sim_node.batched.group import SPIN, VX, VY
 from sim_node.batched.springs import get_velocity, pull, set_velocity
-from sim_node.compiled import compiled, compiled_kernel
+from sim_node.batched.state import SPIN, VX, VY
+from sim_node.numerics.jit import compiled, compiled_kernel
 from sim_node.simulation import Simulation
 
 

@@ -14,13 +14,13 @@ import time
 import numpy as np
 
 from benchmarks.command import run_part
-from sim_node import munk
-from sim_node.compiled import compiled
+from sim_node.model.solver import Solver
+from sim_node.munk2d import c_functions as munk
+from sim_node.numerics.jit import compiled
 from sim_node.simulation import Simulation, sense, set_rest_lengths
-from sim_node.solver import Solver
-from snca_ros.cell.nca import Architecture
+from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller, step_all
-from snca_ros.evolution.locomotion import EPISODE, run_episode
+from snca_ros.evolution.episode import EPISODE, run_episode
 from snca_ros.faults import NO_FAULTS, Faults, parse_faults
 
 PARTS = ('reset', 'sensors', 'cells', 'actuation')

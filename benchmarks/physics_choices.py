@@ -9,18 +9,19 @@ import numpy as np
 import pymunk
 from pymunk._chipmunk import ffi, lib
 
-from sim_node import munk, simulation
-from sim_node.body import LIMIT, Constraints, build_body
-from sim_node.material import Material
-from sim_node.physics import PHYSICS
-from sim_node.pymunk_view import pymunk_view
+from sim_node import simulation
+from sim_node.model.body import LIMIT, Constraints, build_body
+from sim_node.model.material import Material
+from sim_node.model.physics import PHYSICS
+from sim_node.model.solver import Solver
+from sim_node.model.terrain import Terrain
+from sim_node.munk2d import c_functions as munk
+from sim_node.munk2d.pymunk_view import pymunk_view
+from sim_node.munk2d.space import Space
 from sim_node.simulation import Diverged, Simulation
-from sim_node.solver import Solver
-from sim_node.space import Space
-from sim_node.terrain import Terrain
-from snca_ros.box import DEFAULT_CONTROLLER, find_controller
+from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
 from snca_ros.controller_file import load_controller
-from snca_ros.evolution.locomotion import mean_velocity
+from snca_ros.evolution.episode import mean_velocity
 
 SOLVERS = [Solver(*s) for s in ((1, 5), (1, 7), (1, 10), (1, 20), (2, 10), (4, 20), (1, 10, True))]
 ROUGH = ('flat', 'hilly-1-10-0', 'steppy-1-20-0')

@@ -24,12 +24,12 @@ import rclpy  # noqa: F401  # the voxels are forks that have it
 from rosbags.rosbag2 import Reader
 
 from benchmarks.graph import Observer, memory, write_controller
-from sim_node.morphology import parse_morphology
-from sim_node.stamps import CONTROL_RATE, step_of_stamp
-from snca_ros.box import graph_environment
+from sim_node.control_time import CONTROL_RATE, step_of_stamp
+from sim_node.model.morphology import parse_morphology
+from snca_ros.bundled import graph_environment
 from snca_ros.controller_file import load_controller
-from snca_ros.nodes.bringup import Graph, WalkOptions, describe_graph
-from snca_ros.nodes.processes import RunningGraph
+from snca_ros.graph.description import Graph, WalkOptions, describe_graph
+from snca_ros.graph.processes import RunningGraph
 
 _ROBOT = 'soak'
 _LIMIT = 120.0  # seconds for a step at most

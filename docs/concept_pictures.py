@@ -9,18 +9,18 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from sim_node.body import SPRING, build_body
-from sim_node.material import Material
-from sim_node.morphology import OFFSETS, parse_morphology
-from sim_node.render import area_colors
+from sim_node.control_time import CONTROL_RATE
+from sim_node.drawing import area_colors
+from sim_node.model.body import SPRING, build_body
+from sim_node.model.material import Material
+from sim_node.model.morphology import OFFSETS, parse_morphology
+from sim_node.model.terrain import parse_terrain
 from sim_node.simulation import Simulation
-from sim_node.stamps import CONTROL_RATE
-from sim_node.terrain import parse_terrain
-from snca_ros.box import DEFAULT_CONTROLLER, find_controller
+from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
 from snca_ros.cell.coding import F_MAX, F_MIN, NEVER, SNN_RATE, SNN_STEPS, encode, spike_period
 from snca_ros.cell.snn import THETA_0, lif_constants, step_neuron
 from snca_ros.controller_file import load_controller
-from snca_ros.evolution.locomotion import run_episode
+from snca_ros.evolution.episode import run_episode
 from snca_ros.files import write_text
 
 PICTURES = Path(__file__).parent / 'concepts'

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
+from snca_ros.comparison.figures import draw_all
+from snca_ros.comparison.pairwise import contrasts, shown_contrasts
+from snca_ros.comparison.runs import read_cases
 from snca_ros.files import write_text
-from snca_ros.study.cases import read_cases
-from snca_ros.study.comparison import draw_all
-from snca_ros.study.contrasts import contrasts, shown_contrasts
 
 ROOT = Path(__file__).resolve().parents[1]
 FIGURES = ROOT / 'docs' / 'figures'

@@ -19,10 +19,10 @@ from launch_ros.actions import Node
 
 from launch import LaunchDescription
 from sim_node.errors import InvalidInput
-from snca_ros.box import DEFAULT_CONTROLLER, find_controller
+from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
 from snca_ros.controller_file import load_controller
 from snca_ros.faults import parse_faults
-from snca_ros.nodes.bringup import WalkOptions, describe_graph
+from snca_ros.graph.description import WalkOptions, describe_graph
 
 ARGUMENTS = {
     'controller': (DEFAULT_CONTROLLER, 'controller file, or the name of one in the box'),

@@ -11,9 +11,9 @@ import shutil
 import sys
 from pathlib import Path
 
-from snca_ros.box import DEFAULT_CONTROLLER
+from snca_ros.bundled import DEFAULT_CONTROLLER
+from snca_ros.comparison.runs import ROBUST, Run, read_cases
 from snca_ros.files import write_text
-from snca_ros.study.cases import ROBUST, Run, read_cases
 
 ROOT = Path(__file__).resolve().parents[1]
 BOX, RESULTS = ROOT / 'config' / 'controllers', ROOT / 'results' / 'paper'

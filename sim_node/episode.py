@@ -6,7 +6,7 @@ import secrets
 import numpy as np
 
 from sim_node.errors import InvalidInput
-from sim_node.physics import UNNAMED_PHYSICS
+from sim_node.model.physics import UNNAMED_PHYSICS
 
 EXAMPLE_EPISODE = b'EPISODE.'
 
@@ -27,7 +27,7 @@ def new_episode(physics: str) -> np.ndarray:
     message of another episode, or of another simulation, for one of this.
 
     Args:
-        physics: one of `sim_node.physics.PHYSICS`.
+        physics: one of `sim_node.model.physics.PHYSICS`.
     """
     name = (_INITIALS[physics] + secrets.token_hex(_LENGTH))[:_LENGTH]
     return np.frombuffer(name.encode(), np.uint8)

@@ -8,17 +8,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_node import munk
-from sim_node.batched.collision import touches_ground
-from sim_node.batched.ground import polygon_rows
-from sim_node.batched.robots import OneRobot, Robots, one_robot
-from sim_node.body import build_body, pushed
-from sim_node.compiled import compiled
+from sim_node.batched.engine import OneRobot, Robots, one_robot
+from sim_node.control_time import CONTROL_RATE
 from sim_node.errors import InvalidInput
-from sim_node.faults import BodyFaults, Disturbance, break_values, disturb_readings
-from sim_node.material import Material
-from sim_node.morphology import Morphology, parse_morphology
-from sim_node.sensors import (
+from sim_node.model.body import build_body, pushed
+from sim_node.model.body_faults import BodyFaults, Disturbance, break_values, disturb_readings
+from sim_node.model.collision import touches_ground
+from sim_node.model.ground_polygons import polygon_rows
+from sim_node.model.material import Material
+from sim_node.model.morphology import Morphology, parse_morphology
+from sim_node.model.sensors import (
     MAX_AREA_RATIO,
     N_SENSORS,
     measure,
@@ -27,10 +26,11 @@ from sim_node.sensors import (
     polygon_area,
     sample_windows,
 )
-from sim_node.solver import Solver, check_engine
-from sim_node.space import Space
-from sim_node.stamps import CONTROL_RATE
-from sim_node.terrain import Terrain, parse_terrain
+from sim_node.model.solver import Solver, check_engine
+from sim_node.model.terrain import Terrain, parse_terrain
+from sim_node.munk2d import c_functions as munk
+from sim_node.munk2d.space import Space
+from sim_node.numerics.jit import compiled
 
 
 class Diverged(ArithmeticError):
@@ -176,10 +176,10 @@ class Simulation:
         sensor_noise: standard deviation of N(0, sigma) added to readings.
         broken_sensors, broken_actuators: which voxels', when and how; see docs/robustness.md.
         seed: of all noise and faults; every `reset` starts them anew.
-        engine: one of `sim_node.solver.ENGINES`.
-        push: 0, or the seed of a pushed start: every mass begins up to `sim_node.body.PUSH` away
-            from its place in x and in y. The closed loop is chaotic, so each push is another walk
-            of the same robot, and the mean over several says more than the one episode.
+        engine: one of `sim_node.model.solver.ENGINES`.
+        push: 0, or the seed of a pushed start: every mass begins up to `sim_node.model.body.PUSH`
+            away from its place in x and in y. The closed loop is chaotic, so each push is another
+            walk of the same robot, and the mean over several says more than the one episode.
 
     Attributes:
         world: what the engine reads and writes.

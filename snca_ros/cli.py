@@ -10,26 +10,26 @@ from types import ModuleType
 from sim_node.errors import InvalidInput, check_name
 from snca_ros import __version__
 from snca_ros.command_line import CommandParser
-from snca_ros.nodes.lifeline import end_with_parent
+from snca_ros.graph.child_process import end_with_parent
 
 COMMANDS = {
-    'walk': ('snca_ros.nodes.walk', 'let a trained robot walk: all its nodes, a bag, a report'),
-    'voxels': ('snca_ros.nodes.voxels', 'run some voxels of a robot that walks on another machine'),
-    'policy': ('snca_ros.nodes.policy', 'write who of a robot may say and hear what, for SROS 2'),
+    'walk': ('snca_ros.graph.walk', 'let a trained robot walk: all its nodes, a bag, a report'),
+    'voxels': ('snca_ros.graph.voxels', 'run voxels of a robot that walks on another machine'),
+    'policy': ('snca_ros.graph.sros_policy', 'write the SROS 2 policy of a robot'),
     'evolve': ('snca_ros.evolution.evolve', 'train parameters offline'),
-    'history': ('snca_ros.study.history', 'show how runs of evolve went, or how they are going'),
-    'campaign': ('snca_ros.study.campaign', 'evolve and assess many runs, resumable'),
-    'assess': ('snca_ros.study.assess', 'score controllers on unseen terrains, from pushed starts'),
-    'study': ('snca_ros.study.study', 'statistics and figures of campaigns, on one page'),
-    'report': ('snca_ros.study.report', 'read a bag back: v_x, firing rates, lost messages'),
-    'replay': ('snca_ros.view.replay', 'a page that plays a walk: of a controller, run or bag'),
-    'render': ('snca_ros.study.render', 'draw walks of controllers and bags as GIF, MP4 or PNG'),
+    'history': ('snca_ros.evolution.history', 'show the progress of runs of evolve'),
+    'campaign': ('snca_ros.campaign.scheduler', 'evolve and assess many runs, resumable'),
+    'assess': ('snca_ros.assessment.trials', 'score controllers on unseen terrains'),
+    'study': ('snca_ros.comparison.study', 'statistics and figures of campaigns, on one page'),
+    'report': ('snca_ros.recording.report', 'read a bag back: v_x, firing rates, lost messages'),
+    'replay': ('snca_ros.web.replay', 'a page that plays a walk: of a controller, run or bag'),
+    'render': ('snca_ros.rendering.render', 'draw walks of controllers and bags: GIF, MP4, PNG'),
     'completion': ('snca_ros.completion', 'print what lets a shell complete commands and options'),
 }
 """Commands with an argparse command line: module and what it does."""
 
 NODES = {
-    'sim_node': ('sim_node.node', 'the body and its world as a ROS node'),
+    'sim_node': ('sim_node.ros.node', 'the body and its world as a ROS node'),
     'voxel_node': ('snca_ros.nodes.voxel', 'one voxel (or several) as a ROS node'),
     'recorder_node': ('snca_ros.nodes.recorder', 'records the graph into a bag'),
 }

@@ -10,13 +10,13 @@ from pathlib import Path
 import shtab
 
 from sim_node.errors import InvalidInput, check_name
-from sim_node.morphology import SHAPES
-from sim_node.solver import ENGINES
-from sim_node.terrain import UNSEEN_TERRAINS
-from snca_ros.box import boxed_controllers
-from snca_ros.cell.nca import ARCHITECTURES, NEURON_MODELS
+from sim_node.model.morphology import SHAPES
+from sim_node.model.solver import ENGINES
+from sim_node.model.terrain import UNSEEN_TERRAINS
+from snca_ros.bundled import boxed_controllers
+from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS
 from snca_ros.cli import COMMANDS, NODES, load
-from snca_ros.evolution.strategy import STRATEGIES
+from snca_ros.evolution.strategies import STRATEGIES
 
 EXAMPLES = """
   snca completion bash > ~/.snca-completion         # and in ~/.bashrc: . ~/.snca-completion

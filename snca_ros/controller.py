@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_node.compiled import compiled
 from sim_node.errors import InvalidInput
-from sim_node.morphology import OPPOSITE, Morphology
+from sim_node.model.morphology import OPPOSITE, Morphology
+from sim_node.numerics.jit import compiled
+from snca_ros.cell.architecture import Architecture
 from snca_ros.cell.cells import Cells, reset_cells, step_cells
-from snca_ros.cell.nca import Architecture
 from snca_ros.faults import CellFaults, Faults
 
 _OPPOSITE = np.array(OPPOSITE)

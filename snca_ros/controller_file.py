@@ -1,6 +1,6 @@
 """Controller files: trained parameters and all that is needed to run them again, in one .npz.
 
-The body's part of the format is read by `sim_node.body_file`.
+The body's part of the format is read by `sim_node.model.body_file`.
 """
 
 import functools
@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from sim_node.body_file import FORMAT_VERSION, body_of, check_version, field_of, read_archive
 from sim_node.errors import InvalidInput, check_keys, check_name
-from sim_node.material import Material
-from sim_node.morphology import Morphology
-from sim_node.solver import ENGINES, Solver
+from sim_node.model.body_file import FORMAT_VERSION, body_of, check_version, field_of, read_archive
+from sim_node.model.material import Material
+from sim_node.model.morphology import Morphology
+from sim_node.model.solver import ENGINES, Solver
 from snca_ros import __version__
-from snca_ros.cell.nca import Architecture
+from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller
 from snca_ros.faults import Faults
 from snca_ros.files import write_atomically

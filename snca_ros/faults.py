@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from sim_node.errors import InvalidInput, check_keys
-from sim_node.faults import (
+from sim_node.model.body_faults import (
     FAULTS_OF_BODY,
     MAX_NOISE,
     MAX_SEED,
@@ -20,7 +20,7 @@ from sim_node.faults import (
     parse_outage,
     uniform,
 )
-from sim_node.morphology import DIRECTIONS, Morphology
+from sim_node.model.morphology import DIRECTIONS, Morphology
 from snca_ros.files import read_yaml
 
 MAX_DELAY = 1000
@@ -45,7 +45,7 @@ def _check(name: str, value: Any, kinds: type | tuple, high: float) -> None:
 class Faults:
     """What goes wrong in a robot; by default nothing.
 
-    Voxels and times are given as `sim_node.faults.parse_outage` reads them, `0.5@10-20`.
+    Voxels and times are given as `sim_node.model.body_faults.parse_outage` reads them, `0.5@10-20`.
 
     Attributes:
         loss: probability that a message is lost, per link and control step.

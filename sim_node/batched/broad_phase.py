@@ -1,8 +1,8 @@
 """The broad phase: which polygons a mass may touch, and when Munk2D meets them anew (cpBBTree)."""
 
-from sim_node.batched.group import BOX_GROWTH, COS, SIN, VX, VY, X, Y
-from sim_node.compiled import inlined_part
-from sim_node.lanes import any_lane, load, select, store
+from sim_node.batched.state import BOX_GROWTH, COS, SIN, VX, VY, X, Y
+from sim_node.numerics.jit import inlined_part
+from sim_node.numerics.lanes import any_lane, load, select, store
 
 
 @inlined_part

@@ -7,11 +7,11 @@ three steps.
 """
 
 from sim_node.batched.broad_phase import left_box, near_polygons
-from sim_node.batched.collision import contact_points, gaps_of_ground, polygon_from, widest_gap
-from sim_node.batched.group import BIAS_X, COS, NX, NY, POLYGON, RANK, SIN, STAMP, TURN, WARM, X, Y
 from sim_node.batched.springs import get_velocity, set_velocity
-from sim_node.compiled import compiled_part, inlined_part
-from sim_node.lanes import any_lane, like, load, select, store
+from sim_node.batched.state import BIAS_X, COS, NX, NY, POLYGON, RANK, SIN, STAMP, TURN, WARM, X, Y
+from sim_node.model.collision import contact_points, gaps_of_ground, polygon_from, widest_gap
+from sim_node.numerics.jit import compiled_part, inlined_part
+from sim_node.numerics.lanes import any_lane, like, load, select, store
 
 POINTS = 7, 17
 """First fields of a contact's two points, in the order in which they act."""

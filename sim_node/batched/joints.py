@@ -5,10 +5,10 @@ Both start from the impulse of the last step and mend a gap by a bias velocity.
 
 import math
 
-from sim_node.batched.group import N_LIMITS, X, Y
 from sim_node.batched.springs import anchor, get_velocity, set_velocity
-from sim_node.compiled import compiled_part, inlined_part
-from sim_node.lanes import any_lane, load, select, store
+from sim_node.batched.state import N_LIMITS, X, Y
+from sim_node.numerics.jit import compiled_part, inlined_part
+from sim_node.numerics.lanes import any_lane, load, select, store
 
 _NX, _NY, _BIAS, _IMPULSE = range(4)
 """Fields of a limit: the unit vector from b to a, 0 where the limit is not reached; velocity that

@@ -1,9 +1,7 @@
-"""The voxels' sensors in lanes, by the arithmetic of `sim_node.sensors`."""
+"""The voxels' sensors in lanes, by the arithmetic of `sim_node.model.sensors`."""
 
-from sim_node.batched.group import COS, SIN, STAMP, VX, VY, X, Y
-from sim_node.compiled import compiled_part, inlined_part
-from sim_node.lanes import like, load, select, store
-from sim_node.sensors import (
+from sim_node.batched.state import COS, SIN, STAMP, VX, VY, X, Y
+from sim_node.model.sensors import (
     AREA_HIGH,
     AREA_LOW,
     MAX_AREA_RATIO,
@@ -15,6 +13,8 @@ from sim_node.sensors import (
     soft_normalise,
     twice_area,
 )
+from sim_node.numerics.jit import compiled_part, inlined_part
+from sim_node.numerics.lanes import like, load, select, store
 
 
 @compiled_part

@@ -1,15 +1,15 @@
 """Springs, explicit (Chipmunk's cpDampedSpring) or implicit (a soft constraint, as in dyn4j).
 
 An explicit spring pulls once before a step, and its damping acts in the sweeps. Of an implicit one
-both act in the sweeps, by the same arithmetic: `sim_node.soft_spring` derives it.
+both act in the sweeps, by the same arithmetic: `sim_node.munk2d.soft_spring` derives it.
 """
 
 import math
 
-from sim_node.batched.group import COS, N_SPRINGS, SIN, VX, X, Y
-from sim_node.compiled import compiled_part, inlined_part
-from sim_node.elementary import expm1
-from sim_node.lanes import load, select, store
+from sim_node.batched.state import COS, N_SPRINGS, SIN, VX, X, Y
+from sim_node.numerics.elementary_functions import expm1
+from sim_node.numerics.jit import compiled_part, inlined_part
+from sim_node.numerics.lanes import load, select, store
 
 _NX, _NY, _ARM_A, _ARM_B, _SHARE, _PULL, _TARGET, _ELASTIC = range(8)
 """Fields: unit vector from a to b, lever arms about the masses' centres, share of the excess of the

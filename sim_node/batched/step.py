@@ -11,7 +11,6 @@ from sim_node.batched.contacts import (
     mend_overlaps,
     push_contacts,
 )
-from sim_node.batched.group import ANGLE, BIAS_X, COS, N_LIMITS, N_SPRINGS, SIN, X, Y
 from sim_node.batched.joints import apply_joints_of_last_step, limit, prepare_joints, weld
 from sim_node.batched.springs import (
     get_velocity,
@@ -20,9 +19,10 @@ from sim_node.batched.springs import (
     soften_springs,
     stretch_springs,
 )
-from sim_node.compiled import compiled_part
-from sim_node.elementary import sine_cosine
-from sim_node.lanes import load, store
+from sim_node.batched.state import ANGLE, BIAS_X, COS, N_LIMITS, N_SPRINGS, SIN, X, Y
+from sim_node.numerics.elementary_functions import sine_cosine
+from sim_node.numerics.jit import compiled_part
+from sim_node.numerics.lanes import load, store
 
 
 @compiled_part

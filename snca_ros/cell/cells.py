@@ -4,11 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_node.compiled import compiled, inlined_part
 from sim_node.errors import InvalidInput
-from sim_node.morphology import DIRECTIONS
-from sim_node.sensors import N_SENSORS
+from sim_node.model.morphology import DIRECTIONS
+from sim_node.model.sensors import N_SENSORS
+from sim_node.numerics.jit import compiled, inlined_part
 from snca_ros.cell import mlp, snn
+from snca_ros.cell.architecture import Architecture
 from snca_ros.cell.coding import (
     ACTUATION_WINDOW,
     NEVER,
@@ -20,7 +21,6 @@ from snca_ros.cell.coding import (
     unpack_trains,
 )
 from snca_ros.cell.layers import pad_synapses, padded
-from snca_ros.cell.nca import Architecture
 
 
 class CellState(NamedTuple):

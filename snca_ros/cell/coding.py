@@ -5,10 +5,10 @@ A spike train of one control step is an integer: bit h is set if SNN step h has 
 
 import numpy as np
 
-from sim_node.compiled import compiled_inline
-from sim_node.elementary import floor
-from sim_node.lanes import select
-from sim_node.stamps import CONTROL_RATE
+from sim_node.control_time import CONTROL_RATE
+from sim_node.numerics.elementary_functions import floor
+from sim_node.numerics.jit import compiled_inline
+from sim_node.numerics.lanes import select
 
 SNN_STEPS = 16
 """SNN steps per control step (paper: f_h = 16 f_k)."""

@@ -1,7 +1,7 @@
 """Multi-layer perceptron with tanh everywhere, inputs included (2D-VSR-Sim)."""
 
-from sim_node.compiled import compiled_kernel
-from sim_node.elementary import tanh
+from sim_node.numerics.elementary_functions import tanh
+from sim_node.numerics.jit import compiled_kernel
 from snca_ros.cell.layers import LANES
 
 

@@ -1,8 +1,8 @@
 """The multi-layer perceptron of `mlp` for W robots side by side, one in each lane."""
 
-from sim_node.compiled import compiled
-from sim_node.elementary import tanh
-from sim_node.lanes import load, store
+from sim_node.numerics.elementary_functions import tanh
+from sim_node.numerics.jit import compiled
+from sim_node.numerics.lanes import load, store
 
 
 @compiled

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numba.cpython.unsafe.numbers import trailing_zeros
 
-from sim_node.compiled import compiled, compiled_inline, compiled_kernel
-from sim_node.lanes import select
+from sim_node.numerics.jit import compiled, compiled_inline, compiled_kernel
+from sim_node.numerics.lanes import select
 from snca_ros.cell.coding import SNN_RATE, SNN_STEPS
 from snca_ros.cell.layers import LANES, padded, synapses_by_layer
 

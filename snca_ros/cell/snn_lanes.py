@@ -9,8 +9,8 @@ that fire for some robot are looked at.
 
 from numba.cpython.unsafe.numbers import trailing_zeros
 
-from sim_node.compiled import compiled, inlined_part
-from sim_node.lanes import any_lane, bits_of, like, load, mask_like, select, store
+from sim_node.numerics.jit import compiled, inlined_part
+from sim_node.numerics.lanes import any_lane, bits_of, like, load, mask_like, select, store
 from snca_ros.cell import snn
 from snca_ros.cell.coding import SNN_STEPS
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from sim_node.errors import InvalidInput
-from sim_node.morphology import parse_morphology
+from sim_node.model.morphology import parse_morphology
 from snca_ros.controller_file import TrainedController, load_controller, save_controller
 from snca_ros.evolution.config import RunConfig
 from snca_ros.files import LOCK, hold_folder, write_atomically, write_text

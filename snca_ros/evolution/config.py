@@ -7,15 +7,15 @@ from typing import Any
 import yaml
 
 from sim_node.errors import InvalidInput, check_keys
-from sim_node.material import Material
-from sim_node.morphology import parse_morphology
-from sim_node.physics import UNNAMED_PHYSICS
+from sim_node.model.material import Material
+from sim_node.model.morphology import parse_morphology
+from sim_node.model.physics import UNNAMED_PHYSICS
+from sim_node.model.solver import ENGINES, Solver, check_engine
+from sim_node.model.terrain import parse_terrain
 from sim_node.simulation import Simulation
-from sim_node.solver import ENGINES, Solver, check_engine
-from sim_node.terrain import parse_terrain
-from snca_ros.cell.nca import Architecture
-from snca_ros.evolution.locomotion import EPISODE, LONGEST, TRANSIENT
-from snca_ros.evolution.strategy import STRATEGIES, Strategy, check_strategy
+from snca_ros.cell.architecture import Architecture
+from snca_ros.evolution.episode import EPISODE, LONGEST, TRANSIENT
+from snca_ros.evolution.strategies import STRATEGIES, Strategy, check_strategy
 from snca_ros.files import read_yaml
 
 
@@ -30,10 +30,10 @@ class RunConfig:
         evaluations: episodes to spend (paper: 30,000).
         seed: of all random numbers.
         population, sigma: of the evolution strategy.
-        strategy: one of `snca_ros.evolution.strategy.STRATEGIES`.
+        strategy: one of `snca_ros.evolution.strategies.STRATEGIES`.
         duration, transient: of an episode [s], and what its score ignores at the start [s].
         material, solver: of the simulation.
-        engine: one of `sim_node.solver.ENGINES`, in which episodes are scored.
+        engine: one of `sim_node.model.solver.ENGINES`, in which episodes are scored.
 
     Raises:
         InvalidInput: a value is off.

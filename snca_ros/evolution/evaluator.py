@@ -6,13 +6,13 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from sim_node.batched.robots import Robots
-from sim_node.compiled import warm_up
-from sim_node.stamps import CONTROL_RATE
+from sim_node.batched.engine import Robots
+from sim_node.control_time import CONTROL_RATE
+from sim_node.numerics.jit import warm_up
 from snca_ros.controller import Controller
 from snca_ros.evolution.config import RunConfig
-from snca_ros.evolution.crowd import run_episodes
-from snca_ros.evolution.locomotion import Episode, run_episode
+from snca_ros.evolution.episode import Episode, run_episode
+from snca_ros.evolution.episode_lanes import run_episodes
 from snca_ros.evolution.workers import Workers
 
 

@@ -12,16 +12,16 @@ from pathlib import Path
 import numpy as np
 
 from sim_node.errors import InvalidInput
-from sim_node.morphology import SHAPES
-from sim_node.physics import DEFAULT_PHYSICS, PHYSICS
-from sim_node.solver import ENGINES, Solver, check_engine
-from snca_ros.cell.nca import ARCHITECTURES, NEURON_MODELS, Architecture
+from sim_node.model.morphology import SHAPES
+from sim_node.model.physics import DEFAULT_PHYSICS, PHYSICS
+from sim_node.model.solver import ENGINES, Solver, check_engine
+from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS, Architecture
 from snca_ros.evolution.checkpoint import Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evaluator import evaluate
-from snca_ros.evolution.strategy import STRATEGIES, Strategy
+from snca_ros.evolution.strategies import STRATEGIES, Strategy
 from snca_ros.evolution.workers import Workers, add_worker_arguments, open_workers
-from snca_ros.status import StatusLine, TimeLeft, bars
+from snca_ros.progress import StatusLine, TimeLeft, bars
 
 INTERRUPTED = 130
 

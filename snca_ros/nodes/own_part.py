@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from sim_node.compiled import warm_up
 from sim_node.errors import InvalidInput
-from sim_node.sensors import N_SENSORS
+from sim_node.model.sensors import N_SENSORS
+from sim_node.numerics.jit import warm_up
+from snca_ros.cell.architecture import Architecture
 from snca_ros.cell.cells import Cells
-from snca_ros.cell.nca import Architecture
 from snca_ros.controller import weights_of
 from snca_ros.controller_file import load_controller
 from snca_ros.faults import CellFaults, Faults, VoxelFaults

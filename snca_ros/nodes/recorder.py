@@ -28,10 +28,10 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from sim_node.errors import check_name
-from sim_node.interface import stream_qos
-from sim_node.ros import RosNode, run_nodes
+from sim_node.ros.node_base import RosNode, run_nodes
+from sim_node.ros.topics import stream_qos
 from snca_ros.files import RESERVE, check_new_bag, room_for
-from snca_ros.study.streams import KINDS
+from snca_ros.recording.streams import KINDS
 
 STORAGES = {'mcap': StoragePlugin.MCAP, 'sqlite3': StoragePlugin.SQLITE3}
 GLOBAL_TOPICS = ('/clock', '/diagnostics', '/rosout')

@@ -17,18 +17,18 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.utilities import remove_ros_args
 from sensor_msgs.msg import Image, JointState
 
-from sim_node import interface
+from sim_node.control_time import START_STEPS, stamp_of_step
 from sim_node.errors import InvalidInput
-from sim_node.links import Link, link_figures
-from sim_node.morphology import DIRECTIONS, OPPOSITE
-from sim_node.ros import RosNode, run_nodes
-from sim_node.stamps import START_STEPS, stamp_of_step
+from sim_node.model.morphology import DIRECTIONS, OPPOSITE
+from sim_node.ros import topics
+from sim_node.ros.delivery import Link, link_figures
+from sim_node.ros.node_base import RosNode, run_nodes
 from snca_ros.faults import FAULTS_OF_CELLS
-from snca_ros.nodes.double import Double
+from snca_ros.nodes.cell_messages import CellMessages, topic_name
+from snca_ros.nodes.duplicate import Double
+from snca_ros.nodes.inbox import Pending
 from snca_ros.nodes.mismatch import Mismatch
 from snca_ros.nodes.own_part import load_own_part
-from snca_ros.nodes.pending import Pending
-from snca_ros.nodes.spikes import CellMessages, topic_name
 
 _JOIN_PAUSE = 0.05  # seconds without news after which a joining voxel has heard the newest
 _JOIN_LIMIT = 0.2  # seconds after the first news; in real time there is no pause
@@ -88,21 +88,21 @@ class VoxelNode(RosNode):
         self._restart(b'')
 
     def _make_topics(self) -> None:
-        qos, queue = interface.stream_qos(), interface.stream_qos(interface.QUEUE)
+        qos, queue = topics.stream_qos(), topics.stream_qos(topics.QUEUE)
         voxel, topic = self._voxel, topic_name(self._architecture)
-        self._sensors_wire = interface.sensors_format(voxel)
-        self._actuation_wire = interface.actuation_format(voxel)
+        self._sensors_wire = topics.sensors_format(voxel)
+        self._actuation_wire = topics.actuation_format(voxel)
         self._messages = CellMessages(self._architecture, voxel)
         self._messages_out = self.create_publisher(Image, f'{voxel}/{topic}', qos)
         self._actuation_out = self.create_publisher(
-            JointState, f'{voxel}/{interface.ACTUATION_TOPIC}', qos
+            JointState, f'{voxel}/{topics.ACTUATION_TOPIC}', qos
         )
         self._neighbor_messages, self._mailboxes = {}, {}
         for d, name in self._neighbors.items():
             self._neighbor_messages[d] = CellMessages(self._architecture, name)
             self._mailboxes[d] = self.create_mailbox(Image, f'{name}/{topic}', queue)
         self.create_subscription(
-            JointState, f'{voxel}/{interface.SENSORS_TOPIC}', self._on_sensors, queue, raw=True
+            JointState, f'{voxel}/{topics.SENSORS_TOPIC}', self._on_sensors, queue, raw=True
         )
 
     def _restart(self, episode: bytes) -> None:
@@ -124,12 +124,12 @@ class VoxelNode(RosNode):
 
     def _on_sensors(self, data: bytes) -> None:
         try:
-            episode, step, readings = interface.read_joint_state(
+            episode, step, readings = topics.read_joint_state(
                 self._sensors_wire, data, 0.0, 1.0
             )
             self._check_future(episode, step)
         except InvalidInput as error:
-            self.refuse(f'{self._voxel}/{interface.SENSORS_TOPIC}', error)
+            self.refuse(f'{self._voxel}/{topics.SENSORS_TOPIC}', error)
             return
         if episode in self._past:
             self.count('sensors of a past episode')
@@ -207,13 +207,13 @@ class VoxelNode(RosNode):
     def figures(self) -> dict[str, object]:
         """Return what came over the links, for /diagnostics."""
         topic = topic_name(self._architecture)
-        links = {f'{self._voxel}/{interface.SENSORS_TOPIC}': self._sensors_link}
+        links = {f'{self._voxel}/{topics.SENSORS_TOPIC}': self._sensors_link}
         links |= {f'{self._neighbors[d]}/{topic}': link for d, link in self._links.items()}
         return link_figures(links)
 
     def _check_future(self, episode: bytes, step: int) -> None:
         """Refuse a stamp further ahead than a voxel that catches up can see."""
-        latest = self._step + interface.HISTORY
+        latest = self._step + topics.HISTORY
         if episode == self._episode and step > latest:
             raise InvalidInput('stamp', f'step {step}', f'at most step {latest}')
 
@@ -281,7 +281,7 @@ class VoxelNode(RosNode):
         self.count('steps')
 
     def _end_with_simulation(self) -> None:
-        there = self.count_publishers(f'{self._voxel}/{interface.SENSORS_TOPIC}') > 0
+        there = self.count_publishers(f'{self._voxel}/{topics.SENSORS_TOPIC}') > 0
         if self._met_simulation and not there:
             self.exit_code = 0
         self._met_simulation = there or self._step >= 0

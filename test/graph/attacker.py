@@ -15,8 +15,8 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import String
 
-from sim_node.interface import stream_qos
-from sim_node.ros import new_executor
+from sim_node.ros.node_base import new_executor
+from sim_node.ros.topics import stream_qos
 
 BURST = 300
 RANDOM = random.Random(0)

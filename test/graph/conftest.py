@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from snca_ros.box import graph_environment
+from snca_ros.bundled import graph_environment
 
 # Before rclpy is imported: domains 1 to 100 are free of the kernel's ephemeral ports.
 os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
@@ -23,20 +23,20 @@ from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
 from std_srvs.srv import SetBool  # noqa: E402
 
-from sim_node.interface import stream_qos  # noqa: E402
-from sim_node.morphology import parse_morphology  # noqa: E402
+from sim_node.control_time import step_of_stamp  # noqa: E402
+from sim_node.model.morphology import parse_morphology  # noqa: E402
+from sim_node.ros.topics import stream_qos  # noqa: E402
 from sim_node.simulation import Simulation  # noqa: E402
-from sim_node.stamps import step_of_stamp  # noqa: E402
+from snca_ros.cell.architecture import Architecture  # noqa: E402
 from snca_ros.cell.cells import Cells  # noqa: E402
-from snca_ros.cell.nca import Architecture  # noqa: E402
 from snca_ros.controller_file import (  # noqa: E402
     TrainedController,
     load_controller,
     save_controller,
 )
-from snca_ros.evolution.locomotion import run_episode  # noqa: E402
-from snca_ros.nodes.bringup import Graph, WalkOptions, describe_graph  # noqa: E402
-from snca_ros.nodes.lifeline import PARENT  # noqa: E402
+from snca_ros.evolution.episode import run_episode  # noqa: E402
+from snca_ros.graph.child_process import PARENT  # noqa: E402
+from snca_ros.graph.description import Graph, WalkOptions, describe_graph  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 DEADLINE = 60.0

@@ -8,8 +8,8 @@ import subprocess
 import pytest
 from test_walk import TICK, wait_for
 
-from snca_ros.box import PROFILE_VARIABLES
-from snca_ros.study.bag import read_bag
+from snca_ros.bundled import PROFILE_VARIABLES
+from snca_ros.recording.bag import read_bag
 
 
 class Cable:

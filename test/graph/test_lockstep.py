@@ -9,8 +9,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
-from sim_node.interface import stream_qos
-from sim_node.stamps import stamp_of_step
+from sim_node.control_time import stamp_of_step
+from sim_node.ros.topics import stream_qos
 
 
 def test_reset_repeats_the_episode(walk, node, spin_until, centers):

@@ -12,13 +12,13 @@ from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from sim_node import interface
+from sim_node.control_time import stamp_of_step
+from sim_node.drawing import area_colors
 from sim_node.errors import InvalidInput
-from sim_node.render import area_colors
-from sim_node.sensors import SENSORS
-from sim_node.stamps import stamp_of_step
-from snca_ros.cell.nca import Architecture
-from snca_ros.nodes.spikes import CellMessages
+from sim_node.model.sensors import SENSORS
+from sim_node.ros import topics
+from snca_ros.cell.architecture import Architecture
+from snca_ros.nodes.cell_messages import CellMessages
 
 settings.register_profile('steady', derandomize=True, deadline=None, database=None)
 settings.load_profile('steady')
@@ -39,7 +39,7 @@ def strict(data, name):
 
 @given(STEPS, st.lists(UNIT, min_size=4, max_size=4))
 def test_sensors_are_what_rclpy_reads(step, values):
-    data = interface.sensors_format('voxel_3_1').encode(
+    data = topics.sensors_format('voxel_3_1').encode(
         stamp_of_step(step), position=np.array(values), episode=EPISODE
     )
     message = deserialize_message(data, JointState)
@@ -48,7 +48,7 @@ def test_sensors_are_what_rclpy_reads(step, values):
     assert tuple(message.name) == SENSORS
     assert message.position.tolist() == values
     assert strict(data, 'sensor_msgs/msg/JointState').position.tolist() == values
-    read = interface.read_joint_state(interface.sensors_format('voxel_3_1'), data, 0.0, 1.0)
+    read = topics.read_joint_state(topics.sensors_format('voxel_3_1'), data, 0.0, 1.0)
     assert read[:2] == (b'0123abcd', step)
     assert read[2].tolist() == values
 
@@ -58,10 +58,10 @@ def test_actuation_of_other_writers_is_read(step, a):
     message = JointState(name=['voxel_0_2'], position=[a])
     message.header.frame_id = 'voxel_0_2@0123abcd'
     message.header.stamp.sec, message.header.stamp.nanosec = stamp_of_step(step)
-    wire = interface.actuation_format('voxel_0_2')
+    wire = topics.actuation_format('voxel_0_2')
     ours = wire.encode(stamp_of_step(step), position=np.array([a]), episode=EPISODE)
     for data in (ours, ours):  # the second time by the short way
-        assert interface.read_joint_state(wire, data, -1.0, 1.0)[2].tolist() == [a]
+        assert topics.read_joint_state(wire, data, -1.0, 1.0)[2].tolist() == [a]
     assert deserialize_message(ours, JointState) == message
 
 
@@ -91,7 +91,7 @@ def test_cell_messages_round_trip(architecture):
 def test_damaged_messages_are_refused_or_harmless(kind, data):
     """Whatever bytes arrive: InvalidInput, or numbers in range; never another exception."""
     if kind == 'joint':
-        wire = interface.actuation_format('voxel_0_0')
+        wire = topics.actuation_format('voxel_0_0')
         good = wire.encode((0, 0), position=np.array([0.5]))
     else:
         architecture = Architecture.named('U-nD', 'snn' if kind == 'spikes' else 'mlp')
@@ -111,7 +111,7 @@ def test_damaged_messages_are_refused_or_harmless(kind, data):
         bad = data.draw(st.binary(max_size=200))
     try:
         if kind == 'joint':
-            _, step, numbers = interface.read_joint_state(wire, bad, -1.0, 1.0)
+            _, step, numbers = topics.read_joint_state(wire, bad, -1.0, 1.0)
         else:
             _, step, numbers = wire.decode(bad)
     except InvalidInput:
@@ -121,7 +121,7 @@ def test_damaged_messages_are_refused_or_harmless(kind, data):
 
 
 def test_stamps_out_of_step_and_bad_numbers_are_named():
-    wire = interface.sensors_format('voxel_0_0')
+    wire = topics.sensors_format('voxel_0_0')
     for stamp, values, expected in (
         ((0, 1), [0.5] * 4, 'stamp'),
         ((-1, 0), [0.5] * 4, 'stamp'),
@@ -129,7 +129,7 @@ def test_stamps_out_of_step_and_bad_numbers_are_named():
         ((0, 0), [0.5, 0.5, 1.5, 0.5], 'position'),
     ):
         with pytest.raises(InvalidInput, match=expected):
-            interface.read_joint_state(
+            topics.read_joint_state(
                 wire, wire.encode(stamp, position=np.array(values)), 0.0, 1.0
             )
     for changed, expected in (
@@ -144,13 +144,13 @@ def test_stamps_out_of_step_and_bad_numbers_are_named():
             **{'header': ours, 'name': list(SENSORS), 'position': [0.5] * 4, **changed}
         )
         with pytest.raises(InvalidInput, match=expected):
-            interface.read_joint_state(wire, serialize_message(message), 0.0, 1.0)
+            topics.read_joint_state(wire, serialize_message(message), 0.0, 1.0)
 
 
 def test_clock_odometry_and_markers():
-    clock = deserialize_message(interface.clock_format().encode(stamp_of_step(90)), Clock)
+    clock = deserialize_message(topics.clock_format().encode(stamp_of_step(90)), Clock)
     assert (clock.clock.sec, clock.clock.nanosec) == (1, 500_000_000)
-    data = interface.odometry_format('biped').encode(
+    data = topics.odometry_format('biped').encode(
         stamp_of_step(1), position=np.array([1.0, 0.0, 2.0]), velocity=np.array([3.0, 0.0, 4.0])
     )
     odometry = deserialize_message(data, Odometry)
@@ -161,7 +161,7 @@ def test_clock_odometry_and_markers():
     assert pose.orientation.w == 1.0
     corners = np.random.default_rng(0).uniform(0.0, 30.0, (3, 4, 2))
     ratios = np.array([0.8, 1.0, 1.2])
-    data = interface.RobotMarkers(3).encode(corners, ratios)
+    data = topics.RobotMarkers(3).encode(corners, ratios)
     assert len(strict(data, 'visualization_msgs/msg/MarkerArray').markers) == 2
     voxels, outlines = deserialize_message(data, MarkerArray).markers
     assert voxels.type == Marker.TRIANGLE_LIST

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
-from snca_ros.box import DEFAULT_CONTROLLER, find_controller
+from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
 from snca_ros.controller_file import load_controller
-from snca_ros.nodes.bringup import WalkOptions, describe_graph
+from snca_ros.graph.description import WalkOptions, describe_graph
 
 READY = {
     'sim_node': 'sensors', 'voxel_node': 'actuation', 'recorder_node': 'parameter_events',

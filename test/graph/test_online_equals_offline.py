@@ -6,9 +6,9 @@ import pytest
 from sim_node.simulation import Simulation
 from snca_ros.controller_file import load_controller
 from snca_ros.faults import Faults, parse_faults
-from snca_ros.nodes.bringup import WalkOptions, describe_graph
-from snca_ros.nodes.processes import RunningGraph
-from snca_ros.study.bag import read_bag
+from snca_ros.graph.description import WalkOptions, describe_graph
+from snca_ros.graph.processes import RunningGraph
+from snca_ros.recording.bag import read_bag
 
 DURATION = 2.0
 NONE = Faults()

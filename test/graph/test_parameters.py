@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from rclpy.parameter import Parameter
 
 from sim_node.errors import InvalidInput
-from sim_node.material import Material
-from sim_node.morphology import parse_morphology
-from sim_node.parameters import simulation_of
-from sim_node.ros import RosNode
-from sim_node.solver import Solver
-from snca_ros.cell.nca import Architecture
+from sim_node.model.material import Material
+from sim_node.model.morphology import parse_morphology
+from sim_node.model.solver import Solver
+from sim_node.ros.node_base import RosNode
+from sim_node.ros.parameters import simulation_of
+from snca_ros.cell.architecture import Architecture
 from snca_ros.controller_file import TrainedController, save_controller
 
 VALUES = (

@@ -7,14 +7,14 @@ import pytest
 from conftest import call, go, offline
 from std_srvs.srv import Trigger
 
-from sim_node.morphology import DIRECTIONS, parse_morphology
-from sim_node.physics import PHYSICS
-from sim_node.solver import Solver
+from sim_node.model.morphology import DIRECTIONS, parse_morphology
+from sim_node.model.physics import PHYSICS
+from sim_node.model.solver import Solver
 from snca_ros.controller_file import load_controller
-from snca_ros.nodes.bringup import WalkOptions, describe_graph
-from snca_ros.nodes.processes import RunningGraph
-from snca_ros.study.bag import read_bag
-from snca_ros.study.offline import record_offline
+from snca_ros.graph.description import WalkOptions, describe_graph
+from snca_ros.graph.processes import RunningGraph
+from snca_ros.recording.bag import read_bag
+from snca_ros.recording.offline import record_offline
 
 WARN = b'\x01'
 

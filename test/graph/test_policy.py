@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from sim_node import security
+from sim_node.ros import security
 from snca_ros.controller_file import load_controller
-from snca_ros.nodes.bringup import WalkOptions, describe_graph
-from snca_ros.nodes.policy import policy_xml
-from snca_ros.nodes.processes import RunningGraph
+from snca_ros.graph.description import WalkOptions, describe_graph
+from snca_ros.graph.processes import RunningGraph
+from snca_ros.graph.sros_policy import policy_xml
 
 SCHEMA = etree.XMLSchema(etree.parse(str(Path(__file__).parent / 'policy.xsd')))
 

@@ -13,9 +13,9 @@ from rosbags.rosbag2 import Reader
 
 from snca_ros.controller_file import load_controller
 from snca_ros.files import RESERVE
-from snca_ros.nodes.bringup import WalkOptions, describe_graph
-from snca_ros.nodes.processes import RunningGraph
-from snca_ros.study.bag import read_bag
+from snca_ros.graph.description import WalkOptions, describe_graph
+from snca_ros.graph.processes import RunningGraph
+from snca_ros.recording.bag import read_bag
 
 
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])

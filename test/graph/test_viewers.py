@@ -18,10 +18,10 @@ from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from snca_ros.box import find_controller
+from snca_ros.bundled import find_controller
 from snca_ros.controller_file import load_controller
-from snca_ros.nodes.lifeline import PARENT
-from snca_ros.study.film import read_film, shoot
+from snca_ros.graph.child_process import PARENT
+from snca_ros.rendering.film import read_film, shoot
 
 CONFIG = ROOT / 'config'
 STORE = get_typestore(Stores.ROS2_JAZZY)

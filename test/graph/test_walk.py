@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from conftest import children_of, is_alive
 
-from sim_node.solver import Solver
+from sim_node.model.solver import Solver
 from snca_ros.controller_file import load_controller
 from snca_ros.faults import parse_faults
-from snca_ros.study.bag import read_bag
-from snca_ros.study.offline import record_offline
+from snca_ros.recording.bag import read_bag
+from snca_ros.recording.offline import record_offline
 
 TICK = threading.Event()
 

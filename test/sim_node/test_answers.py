@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_node.answers import Answers
-from sim_node.links import Link, link_figures
+from sim_node.ros.actuation_buffer import Answers
+from sim_node.ros.delivery import Link, link_figures
 
 VOXELS = ('voxel_0_0', 'voxel_1_0')
 

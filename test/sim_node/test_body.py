@@ -7,13 +7,13 @@ import numpy as np
 import pymunk
 import pytest
 
-from sim_node.body import LIMIT, SPRING, WELD, build_body, placement
-from sim_node.material import Material
-from sim_node.morphology import parse_morphology
-from sim_node.pymunk_view import SoftSpring, pymunk_view
-from sim_node.solver import Solver
-from sim_node.space import Space
-from sim_node.terrain import UNSEEN_TERRAINS, parse_terrain
+from sim_node.model.body import LIMIT, SPRING, WELD, build_body, placement
+from sim_node.model.material import Material
+from sim_node.model.morphology import parse_morphology
+from sim_node.model.solver import Solver
+from sim_node.model.terrain import UNSEEN_TERRAINS, parse_terrain
+from sim_node.munk2d.pymunk_view import SoftSpring, pymunk_view
+from sim_node.munk2d.space import Space
 
 PLACED = ('1', 'biped', 'comb', 'worm', 'ball-5', 't-5x3')
 OMEGA_2 = (16 * math.pi) ** 2  # of a spring at 8 Hz

@@ -8,8 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_node.errors import InvalidInput
-from sim_node.faults import STREAMS, Breakage, Outage, parse_breakage, parse_outage, uniform
-from sim_node.morphology import parse_morphology
+from sim_node.model.body_faults import (
+    STREAMS,
+    Breakage,
+    Outage,
+    parse_breakage,
+    parse_outage,
+    uniform,
+)
+from sim_node.model.morphology import parse_morphology
 from sim_node.simulation import Simulation
 
 BIPED = parse_morphology('biped')

@@ -11,10 +11,10 @@ import sys
 import numpy as np
 import pytest
 
-from sim_node.body_file import load_body
 from sim_node.errors import InvalidInput
-from sim_node.material import Material
-from sim_node.solver import Solver
+from sim_node.model.body_file import load_body
+from sim_node.model.material import Material
+from sim_node.model.solver import Solver
 
 HEADER = {
     'format_version': 1,
@@ -66,7 +66,7 @@ def test_no_file(tmp_path):
 
 def test_it_needs_nothing_of_the_cells():
     loaded = subprocess.run(
-        [sys.executable, '-c', 'import sys, sim_node.body_file; print(*sys.modules)'],
+        [sys.executable, '-c', 'import sys, sim_node.model.body_file; print(*sys.modules)'],
         check=True, capture_output=True, text=True,
     ).stdout.split()
     assert not [name for name in loaded if name.partition('.')[0] == 'snca_ros']

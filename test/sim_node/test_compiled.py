@@ -4,17 +4,19 @@ from pathlib import Path
 
 import pytest
 
-from sim_node.compiled import _sources
+from sim_node.numerics.jit import _sources
 
 
 @pytest.fixture
 def house(tmp_path: Path) -> Path:
     files = {
-        'sim_node/kernel.py': 'from sim_node.compiled import (\n    compiled,\n)\n'
+        'sim_node/kernel.py': 'from sim_node.numerics.jit import (\n    compiled,\n)\n'
         'from sim_node.table import SIZE\n',
         'sim_node/table.py': 'from sim_node.digits import ONE\nSIZE = ONE\n',
         'sim_node/digits.py': 'ONE = 1\n',
-        'snca_ros/node.py': 'from sim_node.compiled import warm_up\nfrom snca_ros.text import A\n',
+        'snca_ros/node.py': (
+            'from sim_node.numerics.jit import warm_up\nfrom snca_ros.text import A\n'
+        ),
         'snca_ros/text.py': 'A = 1\n',
     }
     for name, text in files.items():

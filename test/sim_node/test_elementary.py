@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_node.compiled import compiled
-from sim_node.elementary import expm1, sine_cosine, tanh
+from sim_node.numerics.elementary_functions import expm1, sine_cosine, tanh
+from sim_node.numerics.jit import compiled
 
 
 @compiled

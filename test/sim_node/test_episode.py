@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_node import episode
-from sim_node.physics import PHYSICS
+from sim_node.model.physics import PHYSICS
 
 
 @pytest.mark.parametrize('physics', PHYSICS)

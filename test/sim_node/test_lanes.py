@@ -7,9 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from sim_node.compiled import compiled
-from sim_node.elementary import expm1, floor, sine_cosine, tanh
-from sim_node.lanes import (
+from sim_node.numerics.elementary_functions import expm1, floor, sine_cosine, tanh
+from sim_node.numerics.jit import compiled
+from sim_node.numerics.lanes import (
     any_lane,
     bits_of,
     like,
@@ -115,7 +115,7 @@ def test_a_function_of_lanes_is_that_of_numbers():
 def test_the_cache_tells_widths_apart():
     name = (
         'from numba import typeof; from numba.core.itanium_mangler import mangle_type;'
-        'from sim_node.lanes import zeros; print(mangle_type(typeof(zeros((1, 1), {}))))'
+        'from sim_node.numerics.lanes import zeros; print(mangle_type(typeof(zeros((1, 1), {}))))'
     )
     names = [
         subprocess.run(

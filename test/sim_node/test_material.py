@@ -4,7 +4,7 @@ import math
 import pytest
 
 from sim_node.errors import InvalidInput
-from sim_node.material import Material
+from sim_node.model.material import Material
 
 FIELDS = {f.name: f for f in dataclasses.fields(Material)}
 

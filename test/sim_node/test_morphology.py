@@ -4,7 +4,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from sim_node.errors import InvalidInput
-from sim_node.morphology import DIRECTIONS, OPPOSITE, SHAPES, Morphology, parse_morphology
+from sim_node.model.morphology import DIRECTIONS, OPPOSITE, SHAPES, Morphology, parse_morphology
 
 steady = settings(suppress_health_check=[HealthCheck.filter_too_much])
 grids = st.integers(1, 6).flatmap(

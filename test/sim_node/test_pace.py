@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_node.pace import Pace, StepTimes
+from sim_node.ros.deadlines import Pace, StepTimes
 
 
 @given(st.floats(0.0, 0.9), st.integers(1, 10**7))

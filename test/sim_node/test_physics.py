@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from sim_node.errors import InvalidInput
-from sim_node.physics import DEFAULT_PHYSICS, PHYSICS
-from sim_node.pymunk_view import pymunk_view
+from sim_node.model.physics import DEFAULT_PHYSICS, PHYSICS
+from sim_node.model.solver import ENGINES, Solver
+from sim_node.munk2d.pymunk_view import pymunk_view
 from sim_node.simulation import Simulation
-from sim_node.solver import ENGINES, Solver
 
 
 def test_names():

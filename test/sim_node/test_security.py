@@ -2,8 +2,8 @@
 
 import pytest
 
-from sim_node import security
 from sim_node.errors import InvalidInput
+from sim_node.ros import security
 
 
 @pytest.fixture(autouse=True)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_node.sensors import (
+from sim_node.model.sensors import (
     N_SENSORS,
     SENSORS,
     TOUCH_WINDOW,

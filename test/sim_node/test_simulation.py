@@ -12,12 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim_node.errors import InvalidInput
-from sim_node.material import Material
-from sim_node.morphology import parse_morphology
-from sim_node.pymunk_view import pymunk_view
+from sim_node.model.material import Material
+from sim_node.model.morphology import parse_morphology
+from sim_node.model.solver import ENGINES, Solver
+from sim_node.model.terrain import parse_terrain
+from sim_node.munk2d.pymunk_view import pymunk_view
 from sim_node.simulation import Diverged, Simulation
-from sim_node.solver import ENGINES, Solver
-from sim_node.terrain import parse_terrain
 
 ROOT = Path(__file__).resolve().parents[2]
 

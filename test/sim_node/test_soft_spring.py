@@ -7,14 +7,14 @@ import pymunk
 import pytest
 from pymunk._chipmunk import lib
 
-from sim_node.body import SPRING, Body, Constraints, build_body
-from sim_node.material import Material
-from sim_node.morphology import parse_morphology
-from sim_node.pymunk_view import pymunk_view
+from sim_node.model.body import SPRING, Body, Constraints, build_body
+from sim_node.model.material import Material
+from sim_node.model.morphology import parse_morphology
+from sim_node.model.solver import Solver
+from sim_node.model.terrain import parse_terrain
+from sim_node.munk2d.pymunk_view import pymunk_view
+from sim_node.munk2d.space import Space
 from sim_node.simulation import Simulation
-from sim_node.solver import Solver
-from sim_node.space import Space
-from sim_node.terrain import parse_terrain
 
 STILL = Material(gravity=0.0, damping=0.0)
 FLAT = parse_terrain('flat')

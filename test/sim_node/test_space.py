@@ -5,16 +5,16 @@ import numpy as np
 import pymunk
 import pytest
 
-from sim_node import space as space_module
-from sim_node.body import LIMIT, SPRING, build_body
-from sim_node.material import Material
-from sim_node.morphology import parse_morphology
-from sim_node.munk import handle
-from sim_node.pymunk_view import pymunk_view
+from sim_node.model.body import LIMIT, SPRING, build_body
+from sim_node.model.material import Material
+from sim_node.model.morphology import parse_morphology
+from sim_node.model.solver import Solver
+from sim_node.model.terrain import parse_terrain
+from sim_node.munk2d import space as space_module
+from sim_node.munk2d.c_functions import handle
+from sim_node.munk2d.pymunk_view import pymunk_view
+from sim_node.munk2d.space import Space
 from sim_node.simulation import Simulation
-from sim_node.solver import Solver
-from sim_node.space import Space
-from sim_node.terrain import parse_terrain
 
 ODD = Material(
     side=2.7, mass_ratio=0.33, density=0.7, frequency=5.0, damping_ratio=0.1, area_range=0.1,

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_node.errors import InvalidInput
-from sim_node.terrain import (
+from sim_node.model.terrain import (
     DEFAULT_TERRAIN_SET,
     TERRAIN_SETS,
     UNSEEN_KINDS,

@@ -9,10 +9,10 @@ from made_up_results import PAPER_TYPES, made_up_row, write_results
 
 from scripts import fill_box
 from sim_node.simulation import Simulation
-from snca_ros.box import DEFAULT_CONTROLLER, boxed_controllers, find_controller
+from snca_ros.bundled import DEFAULT_CONTROLLER, boxed_controllers, find_controller
 from snca_ros.controller_file import load_controller
 from snca_ros.evolution.config import RunConfig
-from snca_ros.evolution.locomotion import run_episode
+from snca_ros.evolution.episode import run_episode
 
 ROOT = Path(__file__).resolve().parents[2]
 BOX, RESULTS = ROOT / 'config' / 'controllers', ROOT / 'results' / 'first-physics' / 'paper'

@@ -24,9 +24,9 @@ from reference_cell import (
     sizes_of,
 )
 
-from sim_node.morphology import parse_morphology
+from sim_node.model.morphology import parse_morphology
+from snca_ros.cell.architecture import Architecture
 from snca_ros.cell.cells import Cells
-from snca_ros.cell.nca import Architecture
 from snca_ros.controller import Controller
 
 MODELS = ('mlp', 'snn', 'snn-h')

@@ -10,7 +10,7 @@ import pytest
 
 import snca_ros
 from snca_ros import cli
-from snca_ros.box import boxed_controllers
+from snca_ros.bundled import boxed_controllers
 from snca_ros.command_line import CommandParser
 
 ROOT = Path(snca_ros.__file__).parents[1]

@@ -24,10 +24,10 @@ from hypothesis import strategies as st
 
 import snca_ros.controller_file
 from sim_node.errors import InvalidInput
-from sim_node.material import Material
-from sim_node.morphology import parse_morphology
-from sim_node.solver import Solver
-from snca_ros.cell.nca import Architecture
+from sim_node.model.material import Material
+from sim_node.model.morphology import parse_morphology
+from sim_node.model.solver import Solver
+from snca_ros.cell.architecture import Architecture
 from snca_ros.controller_file import (
     TrainedController,
     code_version,

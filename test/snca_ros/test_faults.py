@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_node.errors import InvalidInput
-from sim_node.morphology import OPPOSITE, parse_morphology
+from sim_node.model.morphology import OPPOSITE, parse_morphology
+from snca_ros.cell.architecture import Architecture
 from snca_ros.cell.cells import Cells
-from snca_ros.cell.nca import Architecture
 from snca_ros.controller import Controller, weights_of
 from snca_ros.faults import CellFaults, Faults, VoxelFaults, parse_faults
 

@@ -12,7 +12,7 @@ import pytest
 
 from sim_node.simulation import Simulation
 from snca_ros.controller_file import load_controller
-from snca_ros.evolution.locomotion import run_episode
+from snca_ros.evolution.episode import run_episode
 
 FIXTURES = Path(__file__).resolve().parents[1] / 'fixtures' / 'first-physics'
 DIGESTS = json.loads((FIXTURES / 'digests.json').read_text())

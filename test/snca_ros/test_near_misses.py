@@ -6,17 +6,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_node.errors import InvalidInput, check_name, near_miss
-from sim_node.faults import parse_breakage
-from sim_node.material import Material
-from sim_node.morphology import parse_morphology
-from sim_node.solver import Solver, check_engine
-from sim_node.terrain import parse_terrain
-from snca_ros.box import find_controller
-from snca_ros.cell.nca import Architecture
+from sim_node.model.body_faults import parse_breakage
+from sim_node.model.material import Material
+from sim_node.model.morphology import parse_morphology
+from sim_node.model.solver import Solver, check_engine
+from sim_node.model.terrain import parse_terrain
+from snca_ros.bundled import find_controller
+from snca_ros.campaign.specification import read_campaign
+from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.config import RunConfig
-from snca_ros.evolution.strategy import check_strategy
+from snca_ros.evolution.strategies import check_strategy
 from snca_ros.faults import parse_faults
-from snca_ros.study.campaign_file import read_campaign
 
 CELL = {'uniform': True, 'directional': False, 'neuron_model': 'snn'}
 

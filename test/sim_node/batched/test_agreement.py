@@ -4,12 +4,12 @@ import numpy as np
 import pymunk
 import pytest
 
-from sim_node.batched.group import BOX_GROWTH, JOINT_ERROR
+from sim_node.batched.state import BOX_GROWTH, JOINT_ERROR
 from sim_node.errors import InvalidInput
-from sim_node.material import Material
-from sim_node.physics import PHYSICS
+from sim_node.model.material import Material
+from sim_node.model.physics import PHYSICS
+from sim_node.model.solver import Solver
 from sim_node.simulation import Simulation
-from sim_node.solver import Solver
 
 FIRST = Solver(physics='first')
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from sim_node.batched.robots import Robots
-from sim_node.material import Material
-from sim_node.morphology import parse_morphology
+from sim_node.batched.engine import Robots
+from sim_node.model.material import Material
+from sim_node.model.morphology import parse_morphology
+from sim_node.model.solver import Solver
+from sim_node.model.terrain import parse_terrain
 from sim_node.simulation import Simulation
-from sim_node.solver import Solver
-from sim_node.terrain import parse_terrain
 
 
 def _robots(shape: str, terrain: str, width: int) -> Robots:

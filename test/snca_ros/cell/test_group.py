@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from sim_node.errors import InvalidInput
-from sim_node.lanes import zeros
-from sim_node.morphology import parse_morphology
-from snca_ros.cell.group import MAX_WIDTH, make_cells, step_group
+from sim_node.model.morphology import parse_morphology
+from sim_node.numerics.lanes import zeros
+from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS, Architecture
+from snca_ros.cell.cell_lanes import MAX_WIDTH, make_cells, step_group
 from snca_ros.cell.layers import padded
-from snca_ros.cell.nca import ARCHITECTURES, NEURON_MODELS, Architecture
 from snca_ros.cell.snn_lanes import PAIR
 from snca_ros.controller import Controller
 

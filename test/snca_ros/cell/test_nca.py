@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim_node.errors import InvalidInput
-from sim_node.morphology import parse_morphology
+from sim_node.model.morphology import parse_morphology
+from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS, Architecture
 from snca_ros.cell.cells import Cells
-from snca_ros.cell.nca import ARCHITECTURES, NEURON_MODELS, Architecture
 from snca_ros.controller import Controller
 
 PAPERS = ('U-nD', 'U-D', 'nU-D')

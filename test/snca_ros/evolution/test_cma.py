@@ -8,12 +8,12 @@ import pytest
 
 from sim_node.errors import InvalidInput
 from snca_ros import cli
-from snca_ros.cell.nca import Architecture
+from snca_ros.cell.architecture import Architecture
 from snca_ros.controller_file import load_controller
 from snca_ros.evolution.checkpoint import RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evolve import evolve
-from snca_ros.evolution.strategy import CovarianceMatrixAdaptation, SimpleEvolutionStrategy
+from snca_ros.evolution.strategies import CovarianceMatrixAdaptation, SimpleEvolutionStrategy
 from snca_ros.evolution.workers import IN_PROCESS
 
 pytest.importorskip('cma')

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from sim_node.batched.robots import Robots
+from sim_node.batched.engine import Robots
 from sim_node.simulation import Simulation
-from snca_ros.cell.nca import Architecture
+from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller
-from snca_ros.evolution.crowd import run_episodes
-from snca_ros.evolution.locomotion import run_episode
+from snca_ros.evolution.episode import run_episode
+from snca_ros.evolution.episode_lanes import run_episodes
 
 
 def _robots(like: Simulation) -> Robots:

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 from sim_node.errors import InvalidInput
+from sim_node.model.solver import ENGINES, Solver
 from sim_node.simulation import Simulation
-from sim_node.solver import ENGINES, Solver
-from snca_ros.cell.nca import Architecture
+from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller
 from snca_ros.controller_file import load_controller, save_controller
 from snca_ros.evolution.checkpoint import RunFolder
 from snca_ros.evolution.config import RunConfig
+from snca_ros.evolution.episode import run_episode
 from snca_ros.evolution.evaluator import Evaluator, evaluate, group_width
 from snca_ros.evolution.evolve import evolve
-from snca_ros.evolution.locomotion import run_episode
 from snca_ros.evolution.workers import IN_PROCESS, local_workers
 
 CONFIG = RunConfig(

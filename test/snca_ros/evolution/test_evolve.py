@@ -25,11 +25,11 @@ import snca_ros
 from sim_node.errors import InvalidInput
 from sim_node.simulation import Simulation
 from snca_ros import cli
-from snca_ros.cell.nca import Architecture
+from snca_ros.cell.architecture import Architecture
 from snca_ros.controller_file import load_controller
 from snca_ros.evolution.checkpoint import HISTORY, RunFolder
 from snca_ros.evolution.config import RunConfig
-from snca_ros.evolution.locomotion import run_episode
+from snca_ros.evolution.episode import run_episode
 
 ROOT = Path(snca_ros.__file__).parents[1]
 LIMIT = 300.0  # s; only a hang reaches it

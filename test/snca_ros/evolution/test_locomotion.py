@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_node.material import Material
+from sim_node.model.material import Material
+from sim_node.model.solver import Solver
 from sim_node.simulation import Diverged, Simulation
-from sim_node.solver import Solver
-from snca_ros.cell.nca import Architecture
+from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller
-from snca_ros.evolution.locomotion import (
+from snca_ros.evolution.episode import (
     EPISODE,
     TRANSIENT,
     Episode,

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from snca_ros.evolution.strategy import SimpleEvolutionStrategy
+from snca_ros.evolution.strategies import SimpleEvolutionStrategy
 
 D = 6
 

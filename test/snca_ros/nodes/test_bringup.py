@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_node.errors import InvalidInput
-from sim_node.morphology import parse_morphology
-from sim_node.physics import PHYSICS
-from sim_node.solver import Solver
-from snca_ros.cell.nca import Architecture
+from sim_node.model.morphology import parse_morphology
+from sim_node.model.physics import PHYSICS
+from sim_node.model.solver import Solver
+from snca_ros.cell.architecture import Architecture
 from snca_ros.controller_file import TrainedController
-from snca_ros.nodes.bringup import WalkOptions, choose_voxels, describe_graph
+from snca_ros.graph.description import WalkOptions, choose_voxels, describe_graph
 
 BIPED = parse_morphology('biped')
 

@@ -3,7 +3,7 @@
 import pytest
 
 from sim_node.episode import new_episode
-from sim_node.physics import PHYSICS
+from sim_node.model.physics import PHYSICS
 from snca_ros.nodes.mismatch import Mismatch
 
 

@@ -2,7 +2,7 @@ import threading
 
 import pytest
 
-from snca_ros.nodes.network import await_network
+from snca_ros.graph.network import await_network
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snca_ros.nodes.pending import Pending
+from snca_ros.nodes.inbox import Pending
 
 NOW = b'episode1'
 EPISODES = st.sampled_from([NOW, b'episode2', b'episode3']) | st.binary(min_size=8, max_size=8)

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from sim_node.solver import Solver
-from sim_node.terrain import TERRAIN_SETS, UNSEEN_KINDS
-from snca_ros.cell.nca import Architecture
+from sim_node.model.solver import Solver
+from sim_node.model.terrain import TERRAIN_SETS, UNSEEN_KINDS
+from snca_ros.campaign.columns import COLUMNS, settings_of
+from snca_ros.campaign.first_results import FIRST_COLUMNS
+from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.config import RunConfig
-from snca_ros.study.columns import COLUMNS, settings_of
-from snca_ros.study.first_results import FIRST_COLUMNS
 
 PAPER_TYPES = (('U-nD', 'snn-h'), ('U-D', 'mlp'), ('nU-D', 'mlp'))
 

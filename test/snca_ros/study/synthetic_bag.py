@@ -9,8 +9,8 @@ import numpy as np
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from sim_node.sensors import SENSORS
-from sim_node.stamps import stamp_of_step
+from sim_node.control_time import stamp_of_step
+from sim_node.model.sensors import SENSORS
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 TYPES = STORE.types
@@ -23,7 +23,7 @@ Message = tuple[str, object]
 
 @dataclass(frozen=True)
 class Walk:
-    """Numbers of a walk; shapes as in `snca_ros.study.bag.Recording`, messages per voxel."""
+    """Numbers of a walk; shapes as in `snca_ros.recording.bag.Recording`, messages per voxel."""
 
     voxels: tuple[str, ...]
     centers: np.ndarray  # (n + 1, 2)

@@ -5,15 +5,15 @@ import csv
 import numpy as np
 import pytest
 
+from sim_node.model.terrain import UNSEEN_KINDS, UNSEEN_TERRAINS, unseen_terrains
 from sim_node.simulation import Simulation
-from sim_node.terrain import UNSEEN_KINDS, UNSEEN_TERRAINS, unseen_terrains
 from snca_ros import cli
-from snca_ros.box import DEFAULT_CONTROLLER, find_controller
-from snca_ros.cell.nca import Architecture
+from snca_ros.assessment.trials import COLUMNS, Trial, run_trials, score, summary, table
+from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
+from snca_ros.cell.architecture import Architecture
 from snca_ros.controller_file import TrainedController, load_controller, save_controller
-from snca_ros.evolution.locomotion import run_episode
+from snca_ros.evolution.episode import run_episode
 from snca_ros.evolution.workers import IN_PROCESS, local_workers
-from snca_ros.study.assess import COLUMNS, Trial, run_trials, score, summary, table
 
 
 def trained_worm(seed=0):

@@ -27,9 +27,9 @@ from synthetic_bag import (
     write_messages,
 )
 
+from sim_node.control_time import stamp_of_step, step_of_stamp
 from sim_node.errors import InvalidInput
-from sim_node.stamps import stamp_of_step, step_of_stamp
-from snca_ros.study.bag import Recording, read_bag
+from snca_ros.recording.bag import Recording, read_bag
 
 N_STEPS = 12
 NUMBERED = [

@@ -23,20 +23,20 @@ from tiny_campaign import (
 )
 
 from sim_node.errors import InvalidInput
-from sim_node.solver import Solver
-from sim_node.terrain import UNSEEN_KINDS, UNSEEN_TERRAINS
+from sim_node.model.solver import Solver
+from sim_node.model.terrain import UNSEEN_KINDS, UNSEEN_TERRAINS
 from snca_ros import cli
-from snca_ros.cell.nca import Architecture
+from snca_ros.assessment.trials import Trial, score
+from snca_ros.campaign.columns import COLUMNS, MAY_BE_EMPTY, settings_of
+from snca_ros.campaign.endpoints import perform
+from snca_ros.campaign.results import Results, read_rows
+from snca_ros.campaign.specification import read_campaign
+from snca_ros.cell.architecture import Architecture
 from snca_ros.controller_file import load_controller, package_versions
 from snca_ros.evolution.checkpoint import RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evaluator import Evaluator
 from snca_ros.evolution.workers import local_workers
-from snca_ros.study.assess import Trial, score
-from snca_ros.study.campaign_file import read_campaign
-from snca_ros.study.columns import COLUMNS, MAY_BE_EMPTY, settings_of
-from snca_ros.study.endpoints import perform
-from snca_ros.study.results import Results, read_rows
 
 
 @pytest.fixture(scope='module')
@@ -285,7 +285,7 @@ def test_runs_that_end_their_process_fail_alone(
 ):
     names = [config.name for config in read_campaign(file)]
     deadly = names[1 : 1 + n_deadly]
-    monkeypatch.setattr('snca_ros.study.campaign.perform', _perform_or_die)
+    monkeypatch.setattr('snca_ros.campaign.scheduler.perform', _perform_or_die)
     monkeypatch.setenv('DEADLY', ' '.join(deadly))
     options = ['--results', str(tmp_path / 'results'), '--runs', str(tmp_path / 'runs')]
     assert cli.main(['campaign', str(file), '--workers', '4', *options]) == 1

@@ -10,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_node.errors import InvalidInput
-from sim_node.solver import Solver
-from snca_ros.cell.nca import Architecture
+from sim_node.model.solver import Solver
+from snca_ros.campaign.columns import settings_of
+from snca_ros.campaign.results import read_rows
+from snca_ros.campaign.specification import read_campaign
+from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.config import RunConfig
-from snca_ros.study.campaign_file import read_campaign
-from snca_ros.study.columns import settings_of
-from snca_ros.study.results import read_rows
 
 EXPERIMENTS = Path(__file__).resolve().parents[3] / 'config' / 'experiments'
 

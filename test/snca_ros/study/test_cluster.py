@@ -13,7 +13,7 @@ import pytest
 from tiny_campaign import LIMIT, ROOT, contents, generations, start, wait_until, work, write_file
 
 from snca_ros import cli
-from snca_ros.cell.nca import Architecture
+from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evaluator import evaluate
 from snca_ros.evolution.workers import IN_PROCESS, cluster_workers

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from made_up_results import first_row, made_up_run, write_results
 
 from sim_node.errors import InvalidInput
-from sim_node.terrain import UNSEEN_KINDS
-from snca_ros.study.columns import COLUMNS, MAY_BE_EMPTY, SETTINGS, settings_of
-from snca_ros.study.first_results import converted
-from snca_ros.study.results import Results, read_rows
+from sim_node.model.terrain import UNSEEN_KINDS
+from snca_ros.campaign.columns import COLUMNS, MAY_BE_EMPTY, SETTINGS, settings_of
+from snca_ros.campaign.first_results import converted
+from snca_ros.campaign.results import Results, read_rows
 
 runs = st.builds(
     made_up_run,

@@ -6,13 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic_bag import Walk, make_walk, messages_of_walk, write_messages
 
-from sim_node.sensors import soft_normalise
+from sim_node.model.sensors import soft_normalise
 from sim_node.simulation import Simulation
-from snca_ros.cell.nca import Architecture
+from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller
-from snca_ros.evolution.locomotion import run_episode
-from snca_ros.study.bag import read_bag
-from snca_ros.study.gait import (
+from snca_ros.evolution.episode import run_episode
+from snca_ros.recording.bag import read_bag
+from snca_ros.recording.gait import (
     VIBRATION,
     area_ratios,
     bridge_gaps,

@@ -10,15 +10,15 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from sim_node.errors import InvalidInput
-from snca_ros.box import boxed_controllers
-from snca_ros.cell.nca import Architecture
+from snca_ros.bundled import boxed_controllers
+from snca_ros.cell.architecture import Architecture
 from snca_ros.cli import BAD_INPUT, main
 from snca_ros.evolution.checkpoint import HISTORY, RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evolve import evolve
+from snca_ros.evolution.history import described, read_history
 from snca_ros.evolution.workers import IN_PROCESS
-from snca_ros.study.figures import draw_histories
-from snca_ros.study.history import described, read_history
+from snca_ros.recording.figures import draw_histories
 
 CONFIG = RunConfig(
     '11', Architecture.named('U-D', 'mlp'), evaluations=10, population=4, duration=0.2,
@@ -72,7 +72,7 @@ def test_watching_draws_every_generation_until_the_end(tmp_path, monkeypatch, ca
         drawn.append(figure.read_bytes())
         go_on(run, 1)
 
-    monkeypatch.setattr('snca_ros.study.history.time.sleep', a_second)
+    monkeypatch.setattr('snca_ros.evolution.history.time.sleep', a_second)
     assert main(['history', str(run), '--watch', '--figure', str(figure)]) == 0
     assert len(drawn) == 3  # of 4, 3 and 3 evaluations
     assert len({*drawn, figure.read_bytes()}) == 4
@@ -88,7 +88,9 @@ def test_watching_on_a_terminal_draws_over_what_it_drew(tmp_path, monkeypatch):
 
     monkeypatch.setenv('COLUMNS', '30')
     monkeypatch.setattr('sys.stdout', screen := Screen())
-    monkeypatch.setattr('snca_ros.study.history.time.sleep', lambda _: go_on(tmp_path / 'run', 1))
+    monkeypatch.setattr(
+        'snca_ros.evolution.history.time.sleep', lambda _: go_on(tmp_path / 'run', 1)
+    )
     go_on(tmp_path / 'run', 2)
     assert main(['history', str(tmp_path / 'run'), '--watch']) == 0
     first, second = screen.getvalue().split('\x1b[6F\x1b[J')  # up by the six lines of a run

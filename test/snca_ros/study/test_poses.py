@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from synthetic_bag import TYPES, make_walk, markers, messages_of_walk, write_messages
 
-from sim_node.morphology import parse_morphology
-from sim_node.physics import PHYSICS
+from sim_node.model.morphology import parse_morphology
+from sim_node.model.physics import PHYSICS
+from sim_node.model.solver import Solver
 from sim_node.simulation import Simulation
-from sim_node.solver import Solver
-from snca_ros.cell.nca import Architecture
+from snca_ros.cell.architecture import Architecture
 from snca_ros.controller_file import TrainedController
-from snca_ros.evolution.locomotion import run_episode
+from snca_ros.evolution.episode import run_episode
 from snca_ros.faults import parse_faults
-from snca_ros.study.bag import read_bag
-from snca_ros.study.offline import record_offline, replayed_thresholds
+from snca_ros.recording.bag import read_bag
+from snca_ros.recording.offline import record_offline, replayed_thresholds
 
 GROUND = np.array([[0.0, 5.0], [7.0, 6.0], [20.0, 5.0]])
 

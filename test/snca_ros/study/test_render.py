@@ -12,18 +12,18 @@ from imageio_ffmpeg import read_frames
 from PIL import Image
 from synthetic_bag import Walk, make_walk, messages_of_walk, write_messages
 
+from sim_node.drawing import View, area_colors, draw_frame
 from sim_node.errors import InvalidInput
-from sim_node.morphology import parse_morphology
-from sim_node.render import View, area_colors, draw_frame
+from sim_node.model.morphology import parse_morphology
+from sim_node.model.terrain import parse_terrain
 from sim_node.simulation import Simulation
-from sim_node.terrain import parse_terrain
-from snca_ros.cell.nca import Architecture
+from snca_ros.cell.architecture import Architecture
 from snca_ros.cli import BAD_INPUT, main
 from snca_ros.controller_file import TrainedController, save_controller
-from snca_ros.study.film import read_film, shoot
-from snca_ros.study.offline import record_offline
-from snca_ros.study.render import follow
-from snca_ros.study.storage import read_storage
+from snca_ros.recording.offline import record_offline
+from snca_ros.recording.storage import read_storage
+from snca_ros.rendering.film import read_film, shoot
+from snca_ros.rendering.render import follow
 
 VIEW = View(left=10.0, bottom=0.0, scale=20.0, width=400, height=300)
 
@@ -177,7 +177,7 @@ def test_damaged_markers_are_refused_or_drawn(bag, data):
         markers[k][:byte] + changed + markers[k][byte + 1 :]
     )
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr('snca_ros.study.bag.read_storage', lambda path: (topics, closed))
+        patch.setattr('snca_ros.recording.bag.read_storage', lambda path: (topics, closed))
         try:
             film = read_film(bag, np.array([0.0, 0.05, 0.1]))
         except InvalidInput:
@@ -256,7 +256,7 @@ def test_a_failure_keeps_the_old_file(controller, tmp_path, monkeypatch):
     def fail(*args, **kwargs):
         raise RuntimeError
 
-    monkeypatch.setattr('snca_ros.study.render.Image.Image.save', fail)
+    monkeypatch.setattr('snca_ros.rendering.render.Image.Image.save', fail)
     with pytest.raises(RuntimeError):
         main(['render', controller, str(out), '--duration', '0.2', '--width', '100'])
     assert out.read_bytes() == b'old'

@@ -8,9 +8,9 @@ from PIL import Image
 from synthetic_bag import Walk, diagnostics, make_walk, messages_of_walk, write_messages
 
 from snca_ros.cli import BAD_INPUT, main
-from snca_ros.study.bag import read_bag
-from snca_ros.study.figures import draw_recording
-from snca_ros.study.gait import measure_gait
+from snca_ros.recording.bag import read_bag
+from snca_ros.recording.figures import draw_recording
+from snca_ros.recording.gait import measure_gait
 
 N_STEPS = 30
 

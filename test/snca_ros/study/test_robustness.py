@@ -7,10 +7,10 @@ import pytest
 from test_assess import assess, trained_worm, worms  # noqa: F401
 
 from sim_node.errors import InvalidInput
-from snca_ros.box import DEFAULT_CONTROLLER
+from snca_ros.assessment.fault_sweep import COLUMNS, parse_sweep, table
+from snca_ros.assessment.trials import Trial, score
+from snca_ros.bundled import DEFAULT_CONTROLLER
 from snca_ros.faults import Faults
-from snca_ros.study.assess import Trial, score
-from snca_ros.study.robustness import COLUMNS, parse_sweep, table
 
 
 @pytest.mark.parametrize(('text', 'label', 'values'), [

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import mannwhitneyu
 
-from snca_ros.study.statistics import compare, effect_interval, holm, quartiles
+from snca_ros.comparison.rank_test import compare, effect_interval, holm, quartiles
 
 # The two-sample example of the help page of R's wilcox.test (Hollander & Wolfe 1973, 69f.):
 # permeability of the human chorioamnion; W = 35, and 0.1272 is the exact p of the greater side.

@@ -14,18 +14,18 @@ from made_up_results import PAPER_TYPES, first_row, made_up_row, paper_rows, wri
 
 from sim_node.errors import InvalidInput
 from snca_ros import cli
-from snca_ros.study.cases import (
+from snca_ros.campaign.results import read_curve
+from snca_ros.comparison.figures import draw_all, median_curve
+from snca_ros.comparison.pairwise import COLUMNS, contrasts, shown_contrasts
+from snca_ros.comparison.rank_test import compare
+from snca_ros.comparison.runs import (
     ControllerType,
     known_measures,
     missing_runs,
     read_cases,
     warnings,
 )
-from snca_ros.study.comparison import draw_all, median_curve
-from snca_ros.study.contrasts import COLUMNS, contrasts, shown_contrasts
-from snca_ros.study.results import read_curve
-from snca_ros.study.statistics import compare
-from snca_ros.study.tables import (
+from snca_ros.comparison.tables import (
     champions_table,
     factors_table,
     speeds_table,

@@ -10,10 +10,10 @@ from pathlib import Path
 import yaml
 
 import snca_ros
+from snca_ros.campaign.results import Results
+from snca_ros.campaign.scheduler import Campaign
+from snca_ros.campaign.specification import read_campaign
 from snca_ros.evolution.workers import IN_PROCESS
-from snca_ros.study.campaign import Campaign
-from snca_ros.study.campaign_file import read_campaign
-from snca_ros.study.results import Results
 
 ROOT = Path(snca_ros.__file__).parents[1]
 LIMIT = 300.0  # s; only a hang reaches it

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from sim_node.errors import InvalidInput
-from snca_ros.study.bag import Recording
-from snca_ros.study.poses import Poses
-from snca_ros.view.frames import MAX_FRAMES, Packed, make_frames
+from snca_ros.recording.bag import Recording
+from snca_ros.recording.poses import Poses
+from snca_ros.web.frames import MAX_FRAMES, Packed, make_frames
 
 NUMBERS = st.floats(-1e3, 1e3) | st.just(math.nan)
 

@@ -8,14 +8,14 @@ import pytest
 from synthetic_bag import Walk, messages_of_walk, write_messages
 from test_frames import made_recording
 
-from sim_node.morphology import parse_morphology
-from sim_node.physics import PHYSICS
-from sim_node.solver import Solver
-from snca_ros.cell.nca import Architecture
+from sim_node.model.morphology import parse_morphology
+from sim_node.model.physics import PHYSICS
+from sim_node.model.solver import Solver
+from snca_ros.cell.architecture import Architecture
 from snca_ros.cli import BAD_INPUT, main
 from snca_ros.controller_file import TrainedController, save_controller
-from snca_ros.study.offline import record_offline
-from snca_ros.view.page import walk_page
+from snca_ros.recording.offline import record_offline
+from snca_ros.web.page import walk_page
 
 DURATION = 3.0
 

@@ -12,12 +12,12 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from sim_node.errors import InvalidInput
-from sim_node.morphology import parse_morphology
-from sim_node.terrain import parse_terrain
-from snca_ros.cell.nca import Architecture
+from sim_node.model.morphology import parse_morphology
+from sim_node.model.terrain import parse_terrain
+from snca_ros.cell.architecture import Architecture
 from snca_ros.controller_file import TrainedController
-from snca_ros.view.page import live_page
-from snca_ros.view.server import PageServer, check_port
+from snca_ros.web.page import live_page
+from snca_ros.web.server import PageServer, check_port
 
 ARCHITECTURE = Architecture.named('U-nD', 'snn-h')
 TRAINED = TrainedController(

@@ -1,0 +1,127 @@
+"""Robots of one shape on one terrain, side by side: reset, step, and what they sense."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sim_node.batched.contacts import find_contacts
+from sim_node.batched.sensing import sense
+from sim_node.batched.state import Group, make_group, put_down
+from sim_node.batched.step import physics_step
+from sim_node.model.body import build_body, pushed
+from sim_node.model.material import Material
+from sim_node.model.morphology import Morphology
+from sim_node.model.solver import Solver
+from sim_node.model.terrain import Terrain
+from sim_node.numerics.jit import compiled
+
+WIDTH = 16
+"""Robots in a group: two 512-bit registers of doubles, which hide each other's latency."""
+
+
+@compiled
+def advance_group(group, step):
+    """Let all robots act by `group.actuation` up to control step `step`, and read the sensors.
+
+    Step 0 is the start: only the sensors are read.
+    """
+    for i in range(group.actuation_lanes.shape[0]):
+        for lane in range(group.actuation_lanes.shape[2]):
+            a = group.actuation_lanes[i, 0, lane]
+            group.actuation_lanes[i, 0, lane] = min(max(a, -1.0), 1.0)
+    for _ in range(group.substeps if step > 0 else 0):
+        physics_step(group)
+    if step == 0 and group.current_poses:
+        find_contacts(group)
+    sense(group, step)
+
+
+class OneRobot(NamedTuple):
+    """A group of one lane, as arrays without lanes; they share the group's memory."""
+
+    masses: np.ndarray  # (n_masses, 5) x, y, angle, v_x, v_y
+    corners: np.ndarray  # (n_voxels, 4, 2) outer corners [m]
+    area_ratios: np.ndarray  # (n_voxels,)
+    touching: np.ndarray  # (n_voxels,) 0.0 or 1.0
+    actuation: np.ndarray  # (n_voxels,) in [-1, 1]
+    readings: np.ndarray  # (n_voxels, 4) in [0, 1]
+
+
+def one_robot(group: Group) -> OneRobot:
+    """Return what the first lane of a group holds."""
+    return OneRobot(
+        masses=group.mass_lanes[:, :5, 0],
+        corners=group.corners['lane'][:, :, 0].reshape(-1, 4, 2),
+        area_ratios=group.area_ratios['lane'][:, 0, 0],
+        touching=group.touching['lane'][:, 0, 0],
+        actuation=group.actuation_lanes[:, 0, 0],
+        readings=group.reading_lanes[:, :, 0],
+    )
+
+
+class Robots:
+    """W robots of one shape, alike but for what they are told to do.
+
+    What becomes of a robot depends on its own actuation alone, to the bit: neither on W, nor on
+    its place, nor on its companions.
+
+    Args:
+        morphology: the shape of all.
+        terrain: where each stands alone.
+        material: physical constants.
+        solver: sub-steps and iterations.
+        width: number of robots W.
+        push: of a `reset` that names none, as of `sim_node.model.body.pushed`: the same for all;
+            0 is none.
+
+    Attributes:
+        group: their state, which compiled code steps.
+        step_count: control steps made.
+
+    Raises:
+        InvalidInput: the solver asks for self-collision, which only the pymunk engine has.
+    """
+
+    def __init__(
+        self,
+        morphology: Morphology,
+        terrain: Terrain,
+        material: Material,
+        solver: Solver,
+        width: int = WIDTH,
+        push: int = 0,
+    ) -> None:
+        self._body, self._push = build_body(morphology, terrain, material), push
+        self.group: Group = make_group(self._body, terrain.polygons, material, solver, width)
+        self.reset()
+
+    def reset(self, push: int | None = None) -> None:
+        """Put all robots down at rest.
+
+        Args:
+            push: as of `sim_node.model.body.pushed`, the same for all; by default that of these
+                robots.
+        """
+        put_down(self.group, pushed(self._body, self._push if push is None else push))
+        self.step_count = 0
+        advance_group(self.group, 0)
+
+    def step(self, actuation: np.ndarray) -> np.ndarray:
+        """Apply `actuation`, (n_voxels, W) in [-1, 1], for 1/60 s; return the new readings.
+
+        A robot that is no longer `sane` goes on with numbers that mean nothing.
+        """
+        self.group.actuation_lanes[:, 0] = actuation
+        advance_group(self.group, self.step_count + 1)
+        self.step_count += 1
+        return self.readings
+
+    @property
+    def readings(self) -> np.ndarray:
+        """Return the sensor readings, (n_voxels, 4, W) in [0, 1], of the order of `SENSORS`."""
+        return self.group.reading_lanes.copy()
+
+    @property
+    def sane(self) -> np.ndarray:
+        """Tell which robots' physics has not diverged, (W,)."""
+        return self.group.sane['lane'][0, 0] > 0.0

@@ -1,0 +1,196 @@
+"""The state of a group: W robots of one shape on one terrain, side by side in the lanes.
+
+All masses of a robot are alike. So impulses are counted per mass [m/s], and angular velocities
+times the radius of gyration, rho = sqrt(moment / mass) [m/s]: a unit impulse then changes a
+velocity by one along its direction, be it of translation or of rotation, and neither mass nor
+moment appears in the solver.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from sim_node.control_time import CONTROL_RATE
+from sim_node.model.body import LIMIT, SPRING, WELD, Body
+from sim_node.model.ground_polygons import most_at_once, polygon_rows
+from sim_node.model.material import Material
+from sim_node.model.sensors import N_SENSORS, TOUCH_WINDOW, VELOCITY_WINDOW
+from sim_node.model.solver import Solver, check_engine
+from sim_node.numerics.lanes import zeros
+
+JOINT_ERROR = float(np.float32(1.0) - np.float32(0.1)) ** 60
+"""Share of an overlap or a joint's gap that Munk2D leaves after a second."""
+
+BOX_GROWTH = float(np.float32(0.1))
+"""By how much of its size Munk2D widens a box of the broad phase on either side; and by how many
+seconds of motion."""
+
+N_SPRINGS, N_LIMITS = 18, 4
+"""Springs and contraction limits of a voxel."""
+
+# Fields of the arrays of lanes.
+X, Y, ANGLE, VX, VY, SPIN, BIAS_X, BIAS_Y, BIAS_SPIN, COS, SIN = range(11)
+POLYGON, STAMP, RANK, TURN, WARM, NX, NY = range(7)
+N_CONTACT_FIELDS = 7 + 2 * 10  # these, and those of two points: see `contacts`
+
+
+class Group(NamedTuple):
+    """Everything that a step reads and writes; arrays of lanes are (rows, fields) of W each."""
+
+    substeps: int
+    iterations: int
+    implicit_springs: bool  # see `sim_node.model.physics`
+    current_poses: bool
+    slop: float  # depth [m] of an overlap that contacts leave alone
+    dt: float  # physics step [s]
+    damping: float  # factor on all velocities per step
+    fall: float  # gravity's change of velocity per step [m/s]
+    bias: float  # of overlaps and gaps: velocity that mends them, per length [1/s]
+    half: float  # half the side of a mass [m]
+    per_rho: float  # 1 over its radius of gyration [1/m]
+    friction: float
+    restitution: float
+    rest_area: float  # of a voxel [m^2]
+
+    spring_ends: np.ndarray  # (n_springs, 2) masses
+    spring_table: np.ndarray  # (n_springs, 10) see `_spring_rows`
+    limit_ends: np.ndarray  # (n_limits, 2) masses
+    limits_table: np.ndarray  # (n_limits,) least distance [m]
+    weld_ends: np.ndarray  # (n_welds, 2) masses, the same for 2 k and 2 k + 1
+    weld_anchors: np.ndarray  # (n_welds, 4) [m]
+    polygons: np.ndarray  # (n_polygons, 8) see `polygon_rows`
+    left_sides: np.ndarray  # (n_polygons,) x [m], increasing
+    slots: int  # contacts of a mass: with polygon p in slot p % slots
+
+    step_count: np.ndarray  # (1,) physics steps
+    actuation: np.ndarray  # lanes (n_voxels, 1) in [-1, 1]
+    masses: np.ndarray  # lanes (n_masses, 11)
+    springs: np.ndarray  # lanes (n_springs, 8), see `springs`
+    limits: np.ndarray  # lanes (n_limits, 4), see `joints`
+    active: np.ndarray  # (n_limits + n_voxels,) in some lane, per limit and per voxel
+    welds: np.ndarray  # lanes (n_welds, 11)
+    boxes: np.ndarray  # lanes (n_masses, 4) left, bottom, right, top of Munk2D's broad phase [m]
+    contacts: np.ndarray  # lanes (n_masses * slots, ...), see `contacts`
+    in_use: np.ndarray  # (n_masses * slots,) rows of `contacts` that some lane touches now
+    schedule: np.ndarray  # (n_masses * slots**2, 2) rows of `contacts` and whose turn it is
+    scheduled: np.ndarray  # (1,) how much of it is filled
+    deep: np.ndarray  # (1,) whether some lane has an overlap to mend
+
+    corners: np.ndarray  # lanes (n_voxels * 4, 2) outer corners [m]
+    area_ratios: np.ndarray  # lanes (n_voxels, 1)
+    touching: np.ndarray  # lanes (n_voxels, 1) 0.0 or 1.0
+    touches: np.ndarray  # lanes (n_voxels * TOUCH_WINDOW, 1) ring buffers of the sensors
+    velocities: np.ndarray  # lanes (n_voxels * VELOCITY_WINDOW, 2)
+    readings: np.ndarray  # lanes (n_voxels, 4) in [0, 1]
+    sane: np.ndarray  # lanes (1, 1) 1.0, or 0.0 where the physics diverged
+
+    mass_lanes: np.ndarray  # (n_masses, 11, W) the floats of `masses`
+    reading_lanes: np.ndarray  # (n_voxels, 4, W) the floats of `readings`
+    actuation_lanes: np.ndarray  # (n_voxels, 1, W) the floats of `actuation`
+    sane_lanes: np.ndarray  # (1, 1, W) the floats of `sane`
+
+
+def make_group(
+    body: Body, ground: np.ndarray, material: Material, solver: Solver, width: int
+) -> Group:
+    """Return `width` robots, which are still to be `put_down`.
+
+    Args:
+        body: the robot's tables.
+        ground: (n_polygons, 4, 2) corners [m], see `Terrain.polygons`.
+        material: of masses, contacts and world.
+        solver: sub-steps and iterations.
+        width: number of lanes W.
+
+    Raises:
+        InvalidInput: the solver asks for self-collision.
+    """
+    check_engine('batched', solver)
+    table = body.constraints
+    dt = 1.0 / CONTROL_RATE / solver.substeps
+    springs, limits, welds = (np.flatnonzero(table.kinds == k) for k in (SPRING, LIMIT, WELD))
+    n_masses, n_voxels = len(body.positions), len(springs) // N_SPRINGS
+    diagonal = material.mass_side * math.sqrt(2.0)
+    slots = min(most_at_once(ground, diagonal) + 1, len(ground))
+    actuation, masses = zeros((n_voxels, 1), width), zeros((n_masses, 11), width)
+    readings, sane = zeros((n_voxels, N_SENSORS), width), zeros((1, 1), width)
+    return Group(
+        substeps=solver.substeps,
+        iterations=solver.iterations,
+        implicit_springs=solver.rules.implicit_springs,
+        current_poses=solver.rules.current_poses,
+        slop=solver.rules.slop,
+        dt=dt,
+        damping=math.exp(-material.damping) ** dt,
+        fall=material.gravity * dt,
+        bias=(1.0 - JOINT_ERROR**dt) / dt,
+        half=material.mass_side / 2.0,
+        per_rho=math.sqrt(material.mass / material.moment),
+        friction=material.friction,
+        restitution=material.restitution,
+        rest_area=material.side**2,
+        spring_ends=table.ends[springs].astype(np.int64),
+        spring_table=_spring_rows(body, springs, dt, material.mass),
+        limit_ends=table.ends[limits].astype(np.int64),
+        limits_table=table.rest[limits],
+        weld_ends=table.ends[welds].astype(np.int64),
+        weld_anchors=table.anchors[welds],
+        polygons=polygon_rows(ground),
+        left_sides=np.ascontiguousarray(ground[:, 0, 0]),
+        slots=slots,
+        step_count=np.zeros(1),
+        actuation=actuation,
+        masses=masses,
+        springs=zeros((len(springs), 8), width),
+        limits=zeros((len(limits), 4), width),
+        active=np.zeros(len(limits) + n_voxels, dtype=np.bool_),
+        welds=zeros((len(welds), 11), width),
+        boxes=zeros((n_masses, 4), width),
+        contacts=zeros((n_masses * slots, N_CONTACT_FIELDS), width),
+        in_use=np.zeros(n_masses * slots, dtype=np.bool_),
+        schedule=np.zeros((n_masses * slots**2, 2), dtype=np.int64),
+        scheduled=np.zeros(1, dtype=np.int64),
+        deep=np.zeros(1, dtype=np.bool_),
+        corners=zeros((n_voxels * 4, 2), width),
+        area_ratios=zeros((n_voxels, 1), width),
+        touching=zeros((n_voxels, 1), width),
+        touches=zeros((n_voxels * TOUCH_WINDOW, 1), width),
+        velocities=zeros((n_voxels * VELOCITY_WINDOW, 2), width),
+        readings=readings,
+        sane=sane,
+        mass_lanes=masses['lane'],
+        reading_lanes=readings['lane'],
+        actuation_lanes=actuation['lane'],
+        sane_lanes=sane['lane'],
+    )
+
+
+def put_down(group: Group, body: Body) -> None:
+    """Put all robots of the group down at rest, as if they had never moved."""
+    for array in group:
+        if isinstance(array, np.ndarray) and array.dtype.fields:
+            array['lane'] = 0.0
+    group.step_count[0] = 0.0
+    group.in_use[:] = False
+    group.scheduled[0] = 0
+    group.mass_lanes[:, :2] = body.positions[:, :, None]
+    group.mass_lanes[:, COS] = 1.0
+    group.contacts['lane'][:, POLYGON] = -1.0
+    # Munk2D widens the box of a mass that does not move by a tenth of its size.
+    x, y = group.mass_lanes[:, X], group.mass_lanes[:, Y]
+    reach = group.half * (1.0 + 2.0 * BOX_GROWTH)
+    sides = x - reach, y - reach, x + reach, y + reach
+    group.boxes['lane'][:] = np.stack(sides, axis=1)
+
+
+def _spring_rows(body: Body, springs: np.ndarray, dt: float, mass: float) -> np.ndarray:
+    """Return (n, 10): anchors [m], lengths at rest [m], stiffness and damping times dt over mass.
+
+    The three lengths are those at full contraction, at rest and at full expansion. Last is the
+    softness of an implicit spring, gamma times the mass, see `springs`.
+    """
+    table = body.constraints
+    pull, drag = table.stiffness[springs] * dt / mass, table.damping[springs] * dt / mass
+    softness = 1.0 / (drag + dt * pull)
+    return np.column_stack([table.anchors[springs], body.rest_lengths.T, pull, drag, softness])

@@ -1,0 +1,248 @@
+"""What breaks in a robot: which voxels, from when to when, and how; all of it from one seed.
+
+Random numbers are counter-based: those of one voxel at one control step follow from the seed, a
+stream, the voxel's place and the step alone. So every node draws its own, and an offline episode
+draws the same.
+"""
+
+import math
+import re
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from sim_node.control_time import CONTROL_RATE
+from sim_node.errors import InvalidInput, near_miss
+from sim_node.model.morphology import Morphology
+from sim_node.model.sensors import N_SENSORS, add_noise
+from sim_node.numerics.jit import compiled
+
+BREAKAGES = ('zero', 'frozen', 'random')
+"""What a broken sensor or actuator gives (2D-VSR-Sim's): 0, its last value, or any."""
+
+MAX_NOISE, MAX_SEED = 10.0, 2**31 - 1
+
+OUTAGE = (
+    'VOXELS[@BEGIN[-END]], times in s, voxels as a share from 0 to 1 or as names joined by +, '
+    'such as 0.5@10 or voxel_0_0+voxel_1_0@5-8'
+)
+BREAKAGE = f'{"|".join(BREAKAGES)}:{OUTAGE}'
+"""How `parse_outage` and `parse_breakage` are written."""
+
+FAULTS_OF_BODY = {
+    'sensor_noise': (0.0, 'standard deviation of noise on readings', 0.0, MAX_NOISE),
+    'broken_sensors': ('', f'sensors that break: {BREAKAGE}'),
+    'broken_actuators': ('', f'actuators that break: {BREAKAGE}'),
+    'seed': (0, 'of all noise and faults', 0, MAX_SEED),
+}
+"""Name to default, meaning and range, as of a ROS parameter."""
+
+STREAMS = ('broken_sensors', 'broken_actuators', 'death', 'loss')
+"""Faults that each have random numbers of their own."""
+
+INTACT, HELD = math.nan, math.inf
+"""In a table of broken values: what is not broken, and what stays as it was."""
+
+_NUMBER = r'\d+(?:\.\d*)?|\.\d+'
+_NAMES = r'voxel_\d+_\d+(?:\+voxel_\d+_\d+)*'
+_PATTERN = re.compile(
+    rf'(?:(?P<share>{_NUMBER})|(?P<names>{_NAMES}))'
+    rf'(?:@(?P<begin>{_NUMBER})(?:-(?P<end>{_NUMBER}))?)?',
+    re.ASCII,
+)
+
+
+def uniform(seed: int, stream: str, cell: tuple[int, int], first: int, n: int) -> np.ndarray:
+    """Return the (n, 4) numbers in [0, 1) of a voxel at the control steps from `first` on.
+
+    Args:
+        stream: one of `STREAMS`.
+        cell: (x, y) of the voxel.
+    """
+    key = STREAMS.index(stream), *cell
+    philox = np.random.Philox(np.random.SeedSequence(seed, spawn_key=key))
+    philox.advance(first)  # a tick of its counter gives four numbers
+    return np.random.Generator(philox).random((n, 4))
+
+
+@dataclass(frozen=True)
+class Outage:
+    """Some voxels fail for some time.
+
+    Attributes:
+        voxels: their names, or the share of all voxels, which the seed picks.
+        begin, end: when [s].
+    """
+
+    voxels: tuple[str, ...] | float
+    begin: float = 0.0
+    end: float = math.inf
+
+    def victims(self, morphology: Morphology, seed: int, stream: str) -> np.ndarray:
+        """Return which voxels fail, (n_voxels,) bool; InvalidInput if one does not exist.
+
+        A larger share adds voxels to those of a smaller one: the seed gives their order.
+        """
+        chosen = np.zeros(morphology.n_voxels, dtype=bool)
+        if isinstance(self.voxels, tuple):
+            try:
+                chosen[[morphology.index_of(name) for name in self.voxels]] = True
+            except InvalidInput as error:
+                raise error.found_in(stream) from None
+        else:
+            order = np.argsort([uniform(seed, stream, c, 0, 1)[0, 0] for c in morphology.cells])
+            chosen[order[: round(self.voxels * morphology.n_voxels)]] = True
+        return chosen
+
+    def covers(self, steps: np.ndarray) -> np.ndarray:
+        """Tell which control steps fall into the outage."""
+        begin, end = self.begin * CONTROL_RATE, self.end * CONTROL_RATE
+        return (np.rint(begin) <= steps) & (steps < np.rint(end))
+
+
+def parse_outage(field: str, text: str) -> Outage | None:
+    """Return the outage that `text` describes, None for an empty text.
+
+    Raises:
+        InvalidInput: naming `field`.
+    """
+    if text == '':
+        return None
+    match = _PATTERN.fullmatch(text) if isinstance(text, str) else None
+    if match is None:
+        raise InvalidInput(field, text, OUTAGE)
+    voxels = tuple(match['names'].split('+')) if match['names'] else float(match['share'])
+    outage = Outage(voxels, float(match['begin'] or 0.0), float(match['end'] or math.inf))
+    if outage.begin >= outage.end or (match['share'] and float(match['share']) > 1.0):
+        raise InvalidInput(field, text, OUTAGE)
+    return outage
+
+
+@dataclass(frozen=True)
+class Breakage:
+    """Sensors or actuators of some voxels are broken for some time, in one of `BREAKAGES`."""
+
+    kind: str
+    outage: Outage
+
+
+def parse_breakage(field: str, text: str) -> Breakage | None:
+    """Return what is broken as `text` says, 'KIND:' and an outage; None for an empty text.
+
+    Raises:
+        InvalidInput: naming `field`.
+    """
+    if text == '':
+        return None
+    kind, _, rest = text.partition(':') if isinstance(text, str) else ('', '', '')
+    outage = parse_outage(field, rest) if kind in BREAKAGES else None
+    if outage is None:
+        hint = '' if kind in BREAKAGES else near_miss(kind, BREAKAGES)
+        raise InvalidInput(field, text, BREAKAGE + hint)
+    return Breakage(kind, outage)
+
+
+class _BrokenParts:
+    """The sensors or the actuators of a robot that break, with values from `low` to 1."""
+
+    def __init__(
+        self, name: str, text: str, morphology: Morphology, seed: int, low: float
+    ) -> None:
+        self._name, self._morphology, self._seed, self._low = name, morphology, seed, low
+        self._breakage = parse_breakage(name, text)
+        if self._breakage:
+            victims = self._breakage.outage.victims(morphology, seed, name)
+            self._victims = np.flatnonzero(victims)
+
+    def table(self, first: int, n: int) -> np.ndarray:
+        """Return what is there instead, (n, n_voxels, 4), at n control steps from `first` on.
+
+        That is `INTACT`, `HELD` or a value; (n, 0, 4) if nothing ever breaks.
+        """
+        if self._breakage is None:
+            return np.empty((n, 0, N_SENSORS))
+        table = np.full((n, self._morphology.n_voxels, N_SENSORS), INTACT)
+        broken = self._breakage.outage.covers(np.arange(first, first + n))
+        if self._breakage.kind != 'random':
+            value = 0.0 if self._breakage.kind == 'zero' else HELD
+            table[np.ix_(broken, self._victims)] = value
+        elif broken.any():
+            for i in self._victims:
+                u = uniform(self._seed, self._name, self._morphology.cells[i], first, n)
+                table[broken, i] = self._low + (1.0 - self._low) * u[broken]
+        return table
+
+
+class Disturbance(NamedTuple):
+    """What befalls a robot's body at n control steps, a row for each; a part may be empty."""
+
+    actuators: np.ndarray  # (n, n_voxels) or (n, 0) `INTACT`, `HELD` or the actuation instead
+    noise: np.ndarray  # (n, n_voxels, 4) or (n, 0, 4) to add to the readings of the next step
+    sensors: np.ndarray  # (n, n_voxels, 4) or (n, 0, 4) `INTACT`, `HELD` or the reading instead
+
+
+@compiled
+def break_values(values, instead, before):
+    """Put in place what a row of a table holds `instead`, or for HELD the value `before`."""
+    for i in np.ndindex(instead.shape):
+        if instead[i] == HELD:
+            values[i] = before[i]
+        elif instead[i] == instead[i]:
+            values[i] = instead[i]
+
+
+@compiled
+def disturb_readings(readings, before, disturbance, row):
+    """Add noise to readings, (n_voxels, 4), and break sensors, which had the values `before`."""
+    add_noise(readings, disturbance.noise[row])
+    break_values(readings, disturbance.sensors[row], before)
+
+
+class BodyFaults:
+    """Sensor noise, broken sensors and broken actuators of one robot.
+
+    Args:
+        morphology: of the robot.
+        sensor_noise: standard deviation of N(0, sigma) added to readings.
+        broken_sensors, broken_actuators: as `parse_breakage` reads them.
+        seed: of all that is random.
+
+    Raises:
+        InvalidInput: a value is off.
+    """
+
+    def __init__(
+        self,
+        morphology: Morphology,
+        sensor_noise: float,
+        broken_sensors: str,
+        broken_actuators: str,
+        seed: int,
+    ) -> None:
+        is_number = isinstance(sensor_noise, (int, float)) and not isinstance(sensor_noise, bool)
+        if not is_number or not 0.0 <= sensor_noise <= MAX_NOISE:
+            raise InvalidInput('sensor_noise', sensor_noise, f'a number from 0 to {MAX_NOISE:g}')
+        if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+            raise InvalidInput('seed', seed, 'an integer from 0')
+        self._noise_shape = (morphology.n_voxels if sensor_noise > 0.0 else 0, N_SENSORS)
+        self._sensor_noise, self._seed = float(sensor_noise), seed
+        self._sensors = _BrokenParts('broken_sensors', broken_sensors, morphology, seed, 0.0)
+        self._actuators = _BrokenParts(
+            'broken_actuators', broken_actuators, morphology, seed, -1.0
+        )
+        self.reset()
+
+    def reset(self) -> None:
+        """Start anew, at control step 0."""
+        self._rng = np.random.default_rng(self._seed)
+
+    def draw(self, step: int, n: int) -> Disturbance:
+        """Return what befalls actuation at `step` and n - 1 steps more, readings one step later.
+
+        The noise goes on from the last call: drawn step by step or many steps at once, the
+        numbers are the same. Before the first step, `draw(-1, 1)` is for the first readings.
+        """
+        noise = self._sensor_noise * self._rng.standard_normal((n, *self._noise_shape))
+        actuators = self._actuators.table(step, n)[..., 0].copy()
+        return Disturbance(actuators, noise, self._sensors.table(step + 1, n))

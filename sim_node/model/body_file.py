@@ -1,0 +1,130 @@
+"""The body's part of a controller file: the robot and the simulation that it was evolved in.
+
+A controller file is an .npz archive with a JSON text, `header`, and arrays. The other part, the
+cells, is read by `snca_ros.controller_file`.
+"""
+
+import json
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sim_node.errors import InvalidInput, check_keys
+from sim_node.model.material import Material
+from sim_node.model.morphology import Morphology, parse_morphology
+from sim_node.model.solver import Solver
+from sim_node.model.terrain import parse_terrain
+
+FORMAT_VERSION = 1
+_MAX_BYTES = 64 * 2**20
+
+
+@dataclass(frozen=True)
+class BodyPart:
+    """What a controller file says of body and simulation.
+
+    Attributes:
+        morphology: the robot.
+        terrain: name of the ground.
+        material, solver: of the simulation; the solver names the physics.
+    """
+
+    morphology: Morphology
+    terrain: str
+    material: Material
+    solver: Solver
+
+
+def load_body(path: Path | str) -> BodyPart:
+    """Read and check the body's part of the controller file at `path`.
+
+    Raises:
+        InvalidInput: the file is missing, broken, pickled, of another version, or a field of this
+            part is not what it should be; the text names file, field, value and expectation.
+    """
+    try:
+        header, _ = read_archive(Path(path))
+        check_version(header)
+        return body_of(header)
+    except InvalidInput as error:
+        raise error.found_in(str(path)) from None
+
+
+def read_archive(path: Path, *arrays: str) -> tuple[dict, dict[str, np.ndarray]]:
+    """Return the header of a controller file and its arrays of these names, unchecked.
+
+    Raises:
+        InvalidInput: the file is missing, too large, damaged or pickled, or lacks an entry.
+    """
+    expected = 'a controller file (.npz) written by evolve'
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise InvalidInput('file', f'{path.stat().st_size} bytes', f'at most {_MAX_BYTES}')
+        archive = np.load(path, allow_pickle=False)
+        if not isinstance(archive, np.lib.npyio.NpzFile):
+            raise InvalidInput('file', 'a single array', expected)
+        with archive as data:
+            entries = data.zip.infolist() if data.zip else []
+            size = sum(entry.file_size for entry in entries)
+            if size > _MAX_BYTES:
+                raise InvalidInput('file', f'{size} bytes unpacked', f'at most {_MAX_BYTES}')
+            missing = {'header', *arrays} - set(data.files)
+            if missing:
+                name = sorted(missing)[0]
+                raise InvalidInput('file', f'no entry {name}', expected)
+            return _parsed(data['header']), {name: data[name] for name in arrays}
+    except InvalidInput:
+        raise
+    except OSError as error:
+        raise InvalidInput('file', error.strerror or str(error), expected) from None
+    except (ValueError, KeyError, EOFError, zipfile.BadZipFile, zipfile.LargeZipFile) as error:
+        raise InvalidInput('file', str(error), expected) from None
+    except Exception as error:  # zlib.error and whatever else a damaged archive provokes
+        raise InvalidInput('file', f'{type(error).__name__}: {error}', expected) from None
+
+
+def _parsed(text: np.ndarray) -> dict:
+    if text.shape != () or text.dtype.kind != 'U':
+        shown = f'{text.dtype} of shape {text.shape}'
+        raise InvalidInput('header', shown, 'one text')
+    try:
+        header = json.loads(text.item())
+    except (ValueError, RecursionError) as error:
+        raise InvalidInput('header', str(error), 'a JSON object') from None
+    if not isinstance(header, dict):
+        raise InvalidInput('header', header, 'a JSON object')
+    return header
+
+
+def check_version(header: dict) -> None:
+    """Raise InvalidInput if the header is of another version of the format."""
+    version = field_of(header, 'format_version', int)
+    if version != FORMAT_VERSION:
+        raise InvalidInput('format_version', version, str(FORMAT_VERSION))
+
+
+def field_of(values: dict, name: str, kinds: type | tuple[type, ...], outer: str = '') -> Any:
+    """Return a field of a header, or of its part `outer`; InvalidInput if it is of no such type."""
+    value = values.get(name)
+    if not isinstance(value, kinds) or isinstance(value, bool):
+        names = kinds.__name__ if isinstance(kinds, type) else ' or '.join(
+            k.__name__ for k in kinds
+        )
+        raise InvalidInput(f'{outer}{name}', value, f'a value of type {names}')
+    return value
+
+
+def body_of(header: dict) -> BodyPart:
+    """Return the body's part of a header; InvalidInput if a field of it is off."""
+    shape = field_of(header, 'morphology', dict)
+    check_keys('morphology', shape, ('name', 'grid'))
+    name = field_of(shape, 'name', str, 'morphology.')
+    return BodyPart(
+        Morphology(name, parse_morphology(shape.get('grid', '')).cells),
+        parse_terrain(field_of(header, 'terrain', str)).name,
+        Material.from_dict(field_of(header, 'material', dict)),
+        Solver.from_dict(field_of(header, 'solver', dict)),
+    )

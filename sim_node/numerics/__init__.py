@@ -1,0 +1,1 @@
+"""Compiled code: the decorators, numbers in lanes, functions with the same bits everywhere."""

@@ -1,0 +1,293 @@
+"""(ROS) The simulation node: publishes each voxel's sensors, applies each voxel's actuation.
+
+Lock-step: it publishes `sensors`(k), waits until every voxel has answered with `actuation`(k),
+steps the physics and goes on with k + 1. Real time: it steps when a step is due and never waits.
+It never computes a control signal itself.
+"""
+
+import time
+from functools import partial
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool, Trigger
+
+from sim_node.control_time import CONTROL_RATE, START_STEPS
+from sim_node.episode import new_episode
+from sim_node.errors import InvalidInput
+from sim_node.numerics.jit import warm_up
+from sim_node.ros import topics
+from sim_node.ros.actuation_buffer import Answers
+from sim_node.ros.deadlines import Pace, StepTimes
+from sim_node.ros.delivery import link_figures
+from sim_node.ros.node_base import RosNode, run_nodes
+from sim_node.ros.parameters import options_of, simulation_of
+from sim_node.ros.publishers import Broadcast
+from sim_node.simulation import Diverged
+
+_SLOW = 0.5  # seconds after which a voxel that is waited for is named
+_SOON = 1000  # nanoseconds until a step that is due
+_FAILED = 1
+
+
+class SimNode(RosNode):
+    """One robot's body in its world, as a ROS node."""
+
+    def __init__(self) -> None:
+        super().__init__('sim_node')
+        self.simulation = simulation_of(self)
+        self._options = options_of(self)
+        self.check_unknown_parameters()
+        self._voxels = self.simulation.morphology.voxel_names
+        warm_up('simulation', lambda: self.simulation.step(np.zeros(len(self._voxels))))
+        self._make_topics()
+        self._make_services()
+        self._answers = Answers(self._voxels, hold=self._options.real_time_factor > 0.0)
+        self._begun, self._paused = False, self._options.start_paused
+        self._to_make: int | None = None
+        self._waiting_since = time.monotonic()
+        self._named_step = -1
+        self._times = StepTimes()
+        factor = self._options.real_time_factor
+        self._pace = Pace(CONTROL_RATE * factor) if factor else None
+        self._tick_timer = self.create_timer(1.0, self._tick, autostart=False)
+        self.create_timer(0.25, self._watch)
+        if self._options.recorders:
+            self._start_timer = self.create_timer(0.02, self._begin_if_recorded)
+        else:
+            self._begin()
+
+    def _make_topics(self) -> None:
+        self._broadcast = Broadcast(self, self.simulation)
+        self._actuation_wires = [topics.actuation_format(voxel) for voxel in self._voxels]
+        for i, voxel in enumerate(self._voxels):
+            self.create_subscription(
+                JointState, f'{voxel}/{topics.ACTUATION_TOPIC}',
+                partial(self._on_actuation, i), topics.stream_qos(topics.QUEUE), raw=True,
+            )
+
+    def _make_services(self) -> None:
+        self.create_service(Trigger, 'reset', self._serve_reset)
+        self.create_service(SetBool, 'pause', self._serve_pause)
+        self.create_service(Trigger, 'step', self._serve_step)
+
+    def _begin_if_recorded(self) -> None:
+        """Begin as soon as every recorder listens to all that will be said."""
+        missing, limit = self._broadcast.unheard(self._options.recorders), self._options.start_limit
+        if not missing:
+            self._start_timer.cancel()
+            self._begin()
+        elif time.monotonic() - self._waiting_since > limit:
+            self.get_logger().error(
+                f'within {limit:g} s too few nodes listen to: {", ".join(missing)}'
+            )
+            self.exit_code = _FAILED
+
+    def _begin(self) -> None:
+        """Put the robot down, expect every voxel again, and publish step 0."""
+        self._episode = new_episode(self.simulation.solver.physics)
+        self._begun, self._to_make = True, None
+        if not self._pace:
+            self._answers.silent.clear()
+        self._answers.restart(time.monotonic())
+        self._tick_timer.cancel()
+        self._times.restart()
+        self._readings = self.simulation.reset()
+        self._publish_step()
+
+    def _publish_step(self) -> None:
+        """Publish the state at the present step and start to wait for actuation."""
+        self._answers.open_step()
+        self._waiting_since = time.monotonic()
+        self._broadcast.publish_state()
+        duration = self._options.duration
+        if duration and self.simulation.step_count >= duration * CONTROL_RATE:
+            self._finish()
+        else:
+            self._broadcast.publish_sensors(self._readings, self._episode)
+
+    def _on_actuation(self, i: int, data: bytes) -> None:
+        voxel = self._voxels[i]
+        step = self.simulation.step_count
+        try:
+            episode, sent, a = topics.read_joint_state(
+                self._actuation_wires[i], data, -1.0, 1.0
+            )
+            mine = self._begun and episode == self._episode.tobytes()
+            if mine and sent > step:
+                raise InvalidInput('stamp', f'step {sent}', f'at most step {step}')
+        except InvalidInput as error:
+            self.refuse(f'{voxel}/{topics.ACTUATION_TOPIC}', error)
+            return
+        if not mine:
+            self.count('actuation of another episode')
+            return
+        was_silent = voxel in self._answers.silent
+        if not self._answers.take(i, sent, a[0], step, time.monotonic()):
+            self.count('late or repeated actuation')
+        if was_silent and voxel not in self._answers.silent:
+            self.get_logger().info(f'{voxel} answers again')
+            self.publish_diagnostics()
+        self._advance_if_ready()
+
+    def _advance_if_ready(self) -> None:
+        """Make the next step in lock-step, if every voxel has acted that is not silent."""
+        waiting = self._free_running or self._answers.missing
+        if self._begun and not waiting and not self._halted:
+            self._make_step()
+
+    @property
+    def _halted(self) -> bool:
+        """Tell whether no step may be made now."""
+        return self.exit_code is not None or (self._paused and not self._to_make)
+
+    @property
+    def _free_running(self) -> bool:
+        """Tell whether steps are made when they are due, whoever has answered."""
+        return self._pace is not None and self.simulation.step_count >= START_STEPS
+
+    def _make_step(self) -> None:
+        self._to_make = None if self._to_make is None else self._to_make - 1
+        actuation = self._answers.close_step(self.simulation.step_count)
+        try:
+            self._readings = self.simulation.step(actuation)
+        except Diverged as error:
+            self.get_logger().error(f'the physics diverged: {error}')
+            self.exit_code = _FAILED
+            return
+        self.count('steps')
+        if self.simulation.step_count > START_STEPS:
+            self._times.note(time.monotonic())
+        self._publish_step()
+        if self._pace and self.simulation.step_count == START_STEPS and not self._paused:
+            self._run_freely()
+
+    def _run_freely(self) -> None:
+        """Let real time begin, or go on after a pause."""
+        now = time.monotonic()
+        self._pace.start(self.simulation.step_count, now)
+        self._answers.renew(now)
+        self._times.restart()
+        self._await_tick()
+
+    def _await_tick(self) -> None:
+        wait = self._pace.due(self.simulation.step_count + 1) - time.monotonic()
+        self._tick_timer.timer_period_ns = max(int(wait * 1e9), _SOON)
+        self._tick_timer.reset()
+
+    def _tick(self) -> None:
+        """Make the step that is due, in real time, with what actuation there is."""
+        now, step = time.monotonic(), self.simulation.step_count + 1
+        if self._halted:
+            self._tick_timer.cancel()
+            return
+        if now >= self._pace.due(step):
+            self._pace.note(step, now)
+            limit = max(self._options.hold_limit, 2.0 * self._pace.period)
+            if fallen := self._answers.let_go(now, limit):
+                self.get_logger().error(f'limp, silent for {limit:g} s: {", ".join(fallen)}')
+                self.publish_diagnostics()
+            self._make_step()
+        self._await_tick()
+
+    def _watch(self) -> None:
+        """Name the voxels that let everybody wait too long; stop or go on without them."""
+        step, waited = self.simulation.step_count, time.monotonic() - self._waiting_since
+        missing = self._answers.missing
+        if not missing or self._halted or self._free_running:
+            return
+        if waited > _SLOW and self._named_step != step:
+            self._named_step = step
+            self.publish_diagnostics()
+        # Until step 2 every voxel has not only to start but to find its neighbours.
+        limit = self._options.silence_limit if step >= START_STEPS else self._options.start_limit
+        if waited <= limit:
+            return
+        self.get_logger().error(
+            f'no actuation for step {step} within {limit:g} s from: {", ".join(missing)}'
+        )
+        self._answers.silent.update(missing)
+        if self._pace is None and self._options.on_silence == 'stop':
+            self.exit_code = _FAILED
+        elif self._pace is None and len(self._answers.silent) == len(self._voxels):
+            self.get_logger().error('every voxel is silent')
+            self.exit_code = _FAILED
+        else:
+            self._advance_if_ready()
+
+    def _finish(self) -> None:
+        self.get_logger().info(
+            f'done: {self.simulation.time:g} s, centre at x = {self.simulation.center[0]:.3f} m'
+        )
+        self.exit_code = 0
+
+    def close(self) -> None:
+        """Let readers have what was published."""
+        self.wait_for_readers(self._broadcast.publishers)
+
+    def health(self) -> tuple[bytes, str]:
+        """Return the state for /diagnostics."""
+        step = self.simulation.step_count
+        if silent := self._answers.silent:
+            return DiagnosticStatus.ERROR, f'silent: {", ".join(sorted(silent))}'
+        if self._paused:
+            return DiagnosticStatus.OK, f'paused, step {step}'
+        waiting = self._begun and not self._free_running and self.exit_code is None
+        if waiting and time.monotonic() - self._waiting_since > _SLOW:
+            missing = ', '.join(self._answers.missing)
+            return DiagnosticStatus.WARN, f'step {step} waits for {missing}'
+        return DiagnosticStatus.OK, f'running, step {step}'
+
+    def figures(self) -> dict[str, object]:
+        """Return step times and what came over the links, for /diagnostics."""
+        missed = {'missed deadlines': self._pace.missed} if self._pace else {}
+        links = {
+            f'{voxel}/{topics.ACTUATION_TOPIC}': link
+            for voxel, link in zip(self._voxels, self._answers.links, strict=True)
+        }
+        return {**self._times.summary(), **missed, **link_figures(links)}
+
+    def _serve_reset(self, request: Trigger.Request, response: Trigger.Response):
+        if not self._begun:
+            response.success, response.message = False, 'still waiting for recorders'
+            return response
+        self._begin()
+        response.success, response.message = True, 'at step 0'
+        return response
+
+    def _serve_pause(self, request: SetBool.Request, response: SetBool.Response):
+        self._paused, self._to_make = request.data, None
+        self._waiting_since = time.monotonic()
+        self._times.restart()
+        response.success = True
+        response.message = f'{"paused" if request.data else "running"} at step ' + str(
+            self.simulation.step_count
+        )
+        self._go_on()
+        return response
+
+    def _serve_step(self, request: Trigger.Request, response: Trigger.Response):
+        if not self._paused or not self._begun:
+            response.success = False
+            response.message = 'not paused' if self._begun else 'still waiting for recorders'
+            return response
+        self._to_make = (self._to_make or 0) + 1
+        response.success = True
+        response.message = f'one step from step {self.simulation.step_count}'
+        self._go_on()
+        return response
+
+    def _go_on(self) -> None:
+        """Do what a service allows to be done now."""
+        if not self._free_running:
+            self._advance_if_ready()
+        elif not self._paused:
+            self._run_freely()
+        elif self._to_make:
+            self._make_step()
+
+
+def main(argv: list[str]) -> int:
+    """Run the simulation node; return the exit code."""
+    return run_nodes(lambda: [SimNode()], argv)

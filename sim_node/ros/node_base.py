@@ -1,0 +1,285 @@
+"""(ROS) What every node of the project shares: parameters, executor, diagnostics, clean exit."""
+
+import os
+import platform
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
+from rclpy.exceptions import (
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    ParameterUninitializedException,
+)
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
+from rclpy.task import Future
+
+from sim_node.errors import InvalidInput, near_miss
+from sim_node.ros import security
+
+try:
+    from rclpy.experimental import EventsExecutor
+except ImportError:  # an older rclpy
+    EventsExecutor = None
+
+BAD_INPUT = 2
+
+_STOP_LATENCY = 0.1  # seconds between looks at whether a signal came
+_SPIN_PERIOD = 60.0  # seconds; without a limit EventsExecutor waits actively
+_DRAIN_LIMIT = 3.0
+_READERS_LIMIT = 2.0
+
+_ALLOWED_UNDECLARED = ('use_sim_time', 'start_type_description_service')
+
+
+class RosNode(Node):
+    """A node whose parameters are checked and whose end is a plain exit code.
+
+    Attributes:
+        ended: done as soon as `exit_code` is set.
+    """
+
+    def __init__(self, name: str, **options: Any) -> None:
+        self._taken_by_node: list[Subscription] = []
+        super().__init__(name, **options)
+        self.ended = Future()
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self.create_timer(1.0, self.publish_diagnostics)
+        self.counters: dict[str, int] = {}
+        self._reported = time.monotonic(), 0  # when, and steps made until then
+
+    @property
+    def subscriptions(self) -> Iterator[Subscription]:
+        """Return the subscriptions that executors serve: not those whose node takes by itself."""
+        return (s for s in super().subscriptions if s not in self._taken_by_node)
+
+    def create_mailbox(self, kind: type, topic: str, qos: QoSProfile) -> Callable[[], list[bytes]]:
+        """Subscribe to serialised messages without waking for each of them.
+
+        Returns:
+            A function that takes what has arrived since its last call, oldest first.
+        """
+        subscription = self.create_subscription(kind, topic, lambda data: None, qos, raw=True)
+        self._taken_by_node.append(subscription)
+
+        def take() -> list[bytes]:
+            found = []
+            while (message := subscription.handle.take_message(kind, True)) is not None:
+                found.append(message[0])
+            return found
+
+        return take
+
+    @property
+    def exit_code(self) -> int | None:
+        """Return None while the node runs; set it to end the process with that code."""
+        return self.ended.result()
+
+    @exit_code.setter
+    def exit_code(self, code: int) -> None:
+        self.ended.set_result(code)
+
+    def create_timer(self, period: float, callback: Callable[[], None], **options: Any) -> Any:
+        """Create a timer on wall time: it must go on when simulated time stands still."""
+        options.setdefault('clock', Clock(clock_type=ClockType.STEADY_TIME))
+        return super().create_timer(period, callback, **options)
+
+    def parameter(
+        self,
+        name: str,
+        default: Any,
+        text: str,
+        low: float | None = None,
+        high: float | None = None,
+        *,
+        any_type: bool = False,
+    ) -> Any:
+        """Declare a read-only parameter with its description and range; return its value.
+
+        Args:
+            name: of the parameter.
+            default: its value if none is given; its type is the parameter's.
+            text: what it is, for its description and for errors.
+            low, high: its range, inclusive, if it is a number.
+            any_type: values may have another type than `default`; the caller checks them.
+
+        Raises:
+            InvalidInput: the value given has another type or is out of range.
+        """
+        descriptor = ParameterDescriptor(
+            description=text, read_only=True, dynamic_typing=any_type
+        )
+        if isinstance(default, float) and low is not None:
+            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+        elif low is not None:
+            descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
+        expected = f'{type(default).__name__}: {text}'
+        if low is not None:
+            expected = f'{type(default).__name__} from {low:g} to {high:g}: {text}'
+        override = self._parameter_overrides.get(name)
+        given = override.value if override is not None else None
+        if type(given) in (int, float) and isinstance(default, (float, str)) and not any_type:
+            # What looks like a number to ROS may be meant as 1.0, as the grid 11111, as a share.
+            value = type(default)(given)
+            self._parameter_overrides[name] = rclpy.Parameter(name, value=value)
+        try:
+            return self.declare_parameter(name, default, descriptor).value
+        except (
+            InvalidParameterTypeException,
+            InvalidParameterValueException,
+            ParameterUninitializedException,
+        ):
+            raise InvalidInput(name, given, expected, self.where()) from None
+
+    def check_unknown_parameters(self) -> None:
+        """Raise InvalidInput if a value was given for a parameter that does not exist."""
+        for name, override in self._parameter_overrides.items():
+            ignored = name in _ALLOWED_UNDECLARED or name.startswith('qos_overrides.')
+            if not ignored and not self.has_parameter(name):
+                known = sorted(set(self._parameters) - set(_ALLOWED_UNDECLARED))
+                expected = f'one of {", ".join(known)}' + near_miss(name, known)
+                raise InvalidInput(f'parameter {name}', override.value, expected, self.where())
+
+    def where(self) -> str:
+        """Return the source of the parameters for error messages: params files and this node."""
+        files = [b for a, b in zip(sys.argv, sys.argv[1:], strict=False) if a == '--params-file']
+        return ', '.join([*files, self.get_fully_qualified_name()])
+
+    def count(self, name: str) -> None:
+        """Add one to a counter that the diagnostics show."""
+        self.counters[name] = self.counters.get(name, 0) + 1
+
+    def refuse(self, topic: str, error: Exception) -> None:
+        """Count a message that cannot be used and say why, at most once a second."""
+        self.count('refused messages')
+        self.get_logger().warning(f'{topic}: refused: {error}', throttle_duration_sec=1.0)
+
+    def draining(self) -> bool:
+        """Tell, once the end was asked for, whether messages are still to be taken."""
+        return False
+
+    def wait_for_readers(self, publishers: Sequence[Any]) -> None:
+        """Let readers have what was published before the publishers vanish, for a while."""
+        deadline = time.monotonic() + _READERS_LIMIT
+        for publisher in (*publishers, self._diagnostics):
+            left = deadline - time.monotonic()
+            if left > 0.0 and publisher.get_subscription_count():
+                publisher.wait_for_all_acked(Duration(seconds=left))
+
+    def close(self) -> None:
+        """Finish what the node has begun, before it is destroyed; nodes override it."""
+
+    def health(self) -> tuple[bytes, str]:
+        """Return (DiagnosticStatus level, one line); nodes override it."""
+        return DiagnosticStatus.OK, 'running'
+
+    def figures(self) -> dict[str, object]:
+        """Return what /diagnostics shows besides the counters; nodes override it."""
+        return {}
+
+    def publish_diagnostics(self) -> None:
+        """Tell the state: once a second, at the end, and whenever something has happened."""
+        level, text = self.health()
+        now, steps = time.monotonic(), self.counters.get('steps', 0)
+        then, before = self._reported
+        self._reported = now, steps
+        rate = (steps - before) / max(now - then, 1e-3)
+        values = {**self.counters, 'steps per second': round(rate, 1), **self.figures()}
+        status = DiagnosticStatus(
+            level=level, name=self.get_fully_qualified_name(), message=text,
+            hardware_id=f'{platform.node()}:{os.getpid()}',
+            values=[KeyValue(key=k, value=str(v)) for k, v in values.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+
+def new_executor() -> Any:
+    """Return the fastest executor that this rclpy has."""
+    return (EventsExecutor or SingleThreadedExecutor)()
+
+
+class _Stop:
+    """Notes Ctrl-C and SIGTERM, so that nodes can end with their context still valid."""
+
+    def __init__(self) -> None:
+        self.requested = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._note)
+
+    def _note(self, number: int, frame: object) -> None:
+        self.requested = True
+
+
+def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> int:
+    """Spin nodes until one of them ends, or until Ctrl-C or SIGTERM; return the exit code.
+
+    Args:
+        make_nodes: makes the nodes; may raise InvalidInput.
+        argv: command line after the program's name, with --ros-args.
+    """
+    stop = _Stop()
+    nodes: Sequence[RosNode] = ()
+    secured = False
+    try:
+        secured = security.is_requested()
+        rclpy.init(args=[sys.argv[0], *argv], signal_handler_options=SignalHandlerOptions.NO)
+        nodes = make_nodes()
+    except InvalidInput as error:
+        print(f'error: {error}', file=sys.stderr)
+        return BAD_INPUT
+    except Exception as error:
+        if not _is_bad_arguments(error):
+            raise
+        reason = ' '.join(str(error).split())
+        text = security.explained(reason) if secured else f'ROS arguments: {reason}'
+        print(f'error: {text}', file=sys.stderr)
+        return BAD_INPUT
+    executor = new_executor()
+    for node in nodes:
+        executor.add_node(node)
+    end = Future()
+
+    def look() -> None:
+        if stop.requested or any(node.exit_code is not None for node in nodes):
+            end.set_result(None)
+
+    for node in nodes:
+        node.ended.add_done_callback(lambda _: look())
+    # A timer, not the executor's timeout: that one is not heeded while messages keep coming.
+    nodes[0].create_timer(_STOP_LATENCY, look)
+    look()
+    while not end.done():
+        executor.spin_until_future_complete(end, _SPIN_PERIOD)
+    deadline = time.monotonic() + _DRAIN_LIMIT
+    while any(node.draining() for node in nodes) and time.monotonic() < deadline:
+        executor.spin_once(_STOP_LATENCY)
+    for node in nodes:
+        node.publish_diagnostics()
+        node.close()
+    executor.shutdown()
+    codes = [node.exit_code or 0 for node in nodes]
+    for node in nodes:
+        node.destroy_node()
+    rclpy.try_shutdown()
+    return max(codes, default=0)
+
+
+def _is_bad_arguments(error: Exception) -> bool:
+    """Tell whether rcl refused the command line or a params file."""
+    kinds = ('RCLError', 'UnknownROSArgsError', 'RCLInvalidROSArgsError', 'InvalidNodeName',
+             'NodeNameNonExistentError', 'InvalidNamespace', 'InvalidNodeNameException',
+             'InvalidNamespaceException')
+    return any(kind.__name__ in kinds for kind in type(error).__mro__)

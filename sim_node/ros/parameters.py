@@ -1,0 +1,112 @@
+"""(ROS) What the simulation node is told: how to run, and the body and its world."""
+
+import os
+from dataclasses import dataclass, fields
+
+from sim_node.errors import InvalidInput, check_name
+from sim_node.model.body_faults import FAULTS_OF_BODY
+from sim_node.model.body_file import BodyPart, load_body
+from sim_node.model.material import Material
+from sim_node.model.morphology import parse_morphology
+from sim_node.model.physics import PHYSICS
+from sim_node.model.solver import ENGINES, Solver
+from sim_node.ros.node_base import RosNode
+from sim_node.simulation import Simulation
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a simulation node runs; times in seconds, see the parameters of the same names."""
+
+    duration: float
+    silence_limit: float
+    start_limit: float
+    on_silence: str
+    real_time_factor: float
+    hold_limit: float
+    recorders: int
+    start_paused: bool
+
+
+def options_of(node: RosNode) -> RunOptions:
+    """Return how to run, from the parameters of a node.
+
+    Raises:
+        InvalidInput: a parameter is off.
+    """
+    p = node.parameter
+    options = RunOptions(
+        p('duration', 0.0, 'simulated time after which the node ends [s]; 0: never', 0.0, 1e6),
+        p('silence_limit', 10.0, 'wall time a voxel may take to answer [s]', 0.1, 3600.0),
+        p('start_limit', 60.0, 'wall time until all voxels must have answered [s]', 0.1, 3600.0),
+        p('on_silence', 'stop', 'what to do about a silent voxel: stop | go_on'),
+        p('real_time_factor', 0.0, 'simulated time over wall time, kept without waiting for '
+          'voxels; 0: lock-step, as fast as all of them answer', 0.0, 100.0),
+        p('hold_limit', 0.25, 'real time: wall time without an answer after which a voxel goes '
+          'limp; until then it holds its last actuation; at least two steps [s]', 0.0, 3600.0),
+        p('recorders', 0, 'recorders that must listen before step 0 is published', 0, 10),
+        p('start_paused', False, 'wait for the service pause(false) or step'),
+    )
+    check_name('on_silence', options.on_silence, ('stop', 'go_on'), node.where())
+    return options
+
+
+def simulation_of(node: RosNode) -> Simulation:
+    """Return the simulation that the parameters of a node describe.
+
+    What a controller file says is the default of the parameters of the body and its world.
+
+    Raises:
+        InvalidInput: a parameter is off, or the controller file cannot be read.
+    """
+    p = node.parameter
+    body = _body(p('controller', '', 'path of a controller file (.npz): morphology, terrain, '
+                   'material and solver are its own where no parameter names another; '
+                   'empty: none'), node.where())
+    shape = p('morphology', body.morphology.grid_string if body else 'biped',
+              'shape name or grid, e.g. biped, comb-7x2, 1111-1001')
+    terrain = p('terrain', body.terrain if body else 'flat',
+                'flat | hilly-h-w-seed | steppy-h-w-seed | uphill-a | ...')
+    engine = p('engine', ENGINES[0], f'physics engine: {" | ".join(ENGINES)}')
+    material, solver = (body.material, body.solver) if body else (Material(), Solver())
+    constants = {
+        f.name: p(
+            f'material.{f.name}', float(getattr(material, f.name)),
+            f'{f.metadata["text"]} [{f.metadata["unit"] or "1"}]',
+            f.metadata['low'], f.metadata['high'],
+        )
+        for f in fields(Material)
+    }
+    how = {
+        'substeps': p('solver.substeps', solver.substeps,
+                      'physics steps per control step', 1, 100),
+        'iterations': p('solver.iterations', solver.iterations,
+                        'sweeps of the impulse solver', 1, 1000),
+        'self_collision': p(
+            'solver.self_collision', solver.self_collision,
+            'whether masses of the robot collide: false | true | reference', any_type=True,
+        ),
+        'physics': p('solver.physics', solver.physics,
+                     f'by which rules the body moves and is sensed: {" | ".join(PHYSICS)}'),
+    }
+    faults = {name: p(name, *spec) for name, spec in FAULTS_OF_BODY.items()}
+    try:
+        return Simulation(
+            parse_morphology(shape), terrain, material=Material(**constants),
+            solver=Solver(**how), engine=engine, **faults,
+        )
+    except InvalidInput as error:
+        raise error.found_in(node.where()) from None
+
+
+def _body(path: str, where: str) -> BodyPart | None:
+    """Return the body's part of a controller file; None if no file is given."""
+    if not path:
+        return None
+    if not os.path.exists(path):
+        expected = 'the path of a controller file (.npz), not the name of a bundled one'
+        raise InvalidInput('controller', path, expected, where)
+    try:
+        return load_body(path)
+    except InvalidInput as error:
+        raise error.found_in(where) from None

@@ -1,0 +1,87 @@
+"""(ROS) What the simulation tells: clock, odometry and markers to all, sensors to each voxel."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from visualization_msgs.msg import MarkerArray
+
+from sim_node.control_time import CONTROL_RATE, stamp_of_step
+from sim_node.ros import topics
+from sim_node.simulation import Simulation
+
+_MARKER_PERIOD = 2  # control steps: 30 Hz of simulated time
+
+
+class Broadcast:
+    """The publishers of a simulation, owned by its node."""
+
+    def __init__(self, node: Node, simulation: Simulation) -> None:
+        self._node, self._simulation = node, simulation
+        qos = topics.stream_qos()
+        self._clock = node.create_publisher(Clock, '/clock', qos)
+        self._clock_wire = topics.clock_format()
+        self._odometry = node.create_publisher(Odometry, 'odometry', qos)
+        self._odometry_wire = topics.odometry_format(simulation.morphology.name)
+        self._markers = node.create_publisher(MarkerArray, 'markers', qos)
+        voxels = simulation.morphology.voxel_names
+        self._robot = topics.RobotMarkers(len(voxels))
+        self._ground = topics.ground_markers(simulation.terrain.x, simulation.terrain.y)
+        self._sensors = [
+            (node.create_publisher(JointState, f'{voxel}/{topics.SENSORS_TOPIC}', qos),
+             topics.sensors_format(voxel))
+            for voxel in voxels
+        ]
+
+    @property
+    def publishers(self) -> Sequence[Publisher]:
+        """Return all publishers."""
+        sensors = [publisher for publisher, _ in self._sensors]
+        return [self._odometry, self._markers, self._clock, *sensors]
+
+    def unheard(self, recorders: int) -> list[str]:
+        """Return the topics that so many recorders do not listen to yet."""
+        topics = [self._odometry.topic_name]
+        for voxel in self._simulation.morphology.voxel_names:
+            for topic in (topics.ACTUATION_TOPIC, topics.SENSORS_TOPIC):
+                topics.append(self._node.resolve_topic_name(f'{voxel}/{topic}'))
+        # Every voxel topic has a listener besides: the voxel, or the simulation.
+        needed = [recorders] + [recorders + 1] * (len(topics) - 1)
+        return [
+            topic for topic, need in zip(topics, needed, strict=True)
+            if self._node.count_subscribers(topic) < need
+        ]
+
+    def publish_state(self) -> None:
+        """Tell everybody where the robot is at the present step."""
+        simulation = self._simulation
+        step = simulation.step_count
+        stamp = stamp_of_step(step)
+        self._clock.publish(self._clock_wire.encode(stamp))
+        self._odometry.publish(
+            self._odometry_wire.encode(
+                stamp,
+                position=topics.upright(simulation.center),
+                velocity=topics.upright(simulation.velocity),
+            )
+        )
+        if step % _MARKER_PERIOD == 0:
+            world = simulation.world
+            self._markers.publish(self._robot.encode(world.corners, world.area_ratios))
+        if step % CONTROL_RATE == 0:  # again and again, for viewers that come late
+            self._markers.publish(self._ground)
+
+    def publish_sensors(self, readings: np.ndarray, episode: np.ndarray) -> None:
+        """Tell each voxel its readings at the present step.
+
+        Args:
+            readings: (n_voxels, 4).
+            episode: as from `sim_node.episode.new_episode`.
+        """
+        stamp = stamp_of_step(self._simulation.step_count)
+        for (publisher, wire), mine in zip(self._sensors, readings, strict=True):
+            publisher.publish(wire.encode(stamp, position=mine, episode=episode))

@@ -1,0 +1,184 @@
+"""(ROS) The body's topics: their names, stamps and QoS, and readings and actuation as messages."""
+
+import numpy as np
+from geometry_msgs.msg import Point
+from nav_msgs.msg import Odometry
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from sim_node.control_time import step_of_stamp
+from sim_node.drawing import area_colors
+from sim_node.episode import EXAMPLE_EPISODE, check_frame, frame_of
+from sim_node.errors import InvalidInput
+from sim_node.model.sensors import SENSORS
+from sim_node.ros.cdr import WireFormat
+
+WORLD_FRAME = 'world'
+
+SENSORS_TOPIC, ACTUATION_TOPIC = 'sensors', 'actuation'
+"""Topics below `<voxel>/`."""
+
+QUEUE = 256
+"""Depth of the queues that voxels and simulation read from.
+
+In lock-step two would do; the rest is for who floods a topic, at 1 kHz a quarter of a second.
+"""
+
+HISTORY = 1000
+"""Depth of what the writers keep for those who join late or read slowly."""
+
+
+def stream_qos(depth: int = HISTORY) -> QoSProfile:
+    """Return the QoS of everything that is stamped with a control step.
+
+    Reliable, and transient-local so that a node which joins late hears what was said last. The
+    writers keep many steps, so that a recorder may fall behind without losing one.
+    """
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    )
+
+
+def _joint_state_format(voxel: str, names: list[str]) -> WireFormat:
+    numbers = np.arange(1.0, len(names) + 1.0) / 7.0
+    message = JointState(name=names, position=numbers.tolist())
+    message.header.frame_id = frame_of(voxel)
+
+    def check(received: JointState) -> None:
+        if list(received.name) != names:
+            raise InvalidInput('name', list(received.name), str(names))
+        if len(received.position) != len(names):
+            raise InvalidInput(
+                'position', f'{len(received.position)} values', f'{len(names)} values'
+            )
+        if received.velocity or received.effort:
+            raise InvalidInput('velocity, effort', 'values', 'none')
+        check_frame(voxel, received.header.frame_id)
+
+    empty = 2 * 4  # the lengths of velocity and effort
+    numbers_of = {'position': numbers, 'episode': np.frombuffer(EXAMPLE_EPISODE, np.uint8)}
+    return WireFormat(message, numbers_of, tail=empty, check=check)
+
+
+def sensors_format(voxel: str) -> WireFormat:
+    """Return the format of `<voxel>/sensors`: position = the four readings."""
+    return _joint_state_format(voxel, list(SENSORS))
+
+
+def actuation_format(voxel: str) -> WireFormat:
+    """Return the format of `<voxel>/actuation`: position = [a]."""
+    return _joint_state_format(voxel, [voxel])
+
+
+def read_joint_state(wire: WireFormat, data: bytes, low: float, high: float):
+    """Return (episode, step, numbers) of serialised sensors or actuation.
+
+    Raises:
+        InvalidInput: a fixed part, the stamp or a number is not what it should be.
+    """
+    try:
+        stamp, (numbers, episode) = wire.decode(data, 'position', 'episode')
+    except InvalidInput:
+        raise
+    except Exception as error:
+        raise InvalidInput('message', str(error), 'a sensor_msgs/JointState') from None
+    if not all(low <= number <= high for number in numbers.tolist()):
+        raise InvalidInput('position', numbers.tolist(), f'numbers from {low:g} to {high:g}')
+    return episode.tobytes(), step_of_stamp(*stamp), numbers
+
+
+def clock_format() -> WireFormat:
+    """Return the format of /clock."""
+    return WireFormat(Clock(), {})
+
+
+def odometry_format(child_frame: str) -> WireFormat:
+    """Return the format of `odometry`: robot centre [m] and velocity [m/s], x forward, z up.
+
+    The robot lives in the plane; orientation stays the identity, pose and twist share its axes.
+    """
+    position, velocity = np.array([1.5, 2.5, 3.5]), np.array([4.5, 5.5, 6.5])
+    message = Odometry(child_frame_id=child_frame)
+    message.header.frame_id = WORLD_FRAME
+    pose, twist = message.pose.pose.position, message.twist.twist.linear
+    pose.x, pose.y, pose.z = position
+    twist.x, twist.y, twist.z = velocity
+    return WireFormat(message, {'position': position, 'velocity': velocity})
+
+
+def upright(vector: np.ndarray) -> np.ndarray:
+    """Return the simulation's (..., 2) x, y as (..., 3) x forward, y left, z up (REP 103)."""
+    out = np.zeros((*vector.shape[:-1], 3))
+    out[..., 0], out[..., 2] = vector[..., 0], vector[..., 1]
+    return out
+
+
+_TRIANGLES = np.array([0, 1, 2, 0, 2, 3])
+_CORNERS = [0, 1, 2, 5]  # where each corner first stands in _TRIANGLES
+_OUTLINE = np.array([0, 1, 1, 2, 2, 3, 3, 0])
+
+
+class RobotMarkers:
+    """The robot as a MarkerArray: voxels coloured by area ratio, and their outlines."""
+
+    def __init__(self, n_voxels: int) -> None:
+        n_fill, n_line = n_voxels * len(_TRIANGLES), n_voxels * len(_OUTLINE)
+        self._fill = np.arange(1.0, 3 * n_fill + 1) / 3.0
+        self._line = np.arange(1.0, 3 * n_line + 1) / 7.0
+        self._color = (np.arange(1.0, 4 * n_fill + 1) / 11.0).astype(np.float32)
+        voxels = _marker('voxels', 0, Marker.TRIANGLE_LIST, 1.0)
+        voxels.points = _points(self._fill)
+        voxels.colors = [
+            ColorRGBA(r=r, g=g, b=b, a=a) for r, g, b, a in self._color.reshape(-1, 4).tolist()
+        ]
+        outlines = _marker('outlines', 0, Marker.LINE_LIST, 0.06)
+        outlines.points = _points(self._line)
+        outlines.color = ColorRGBA(r=0.1, g=0.1, b=0.1, a=1.0)
+        # Stamp 0 means "the latest" to viewers, so that no marker is ever too old to be drawn.
+        numbers = {'fill': self._fill, 'color': self._color, 'line': self._line}
+        self._wire = WireFormat(MarkerArray(markers=[voxels, outlines]), numbers, stamped=False)
+        self._size = len(self._wire.encode())
+
+    def encode(self, corners: np.ndarray, area_ratios: np.ndarray) -> bytes:
+        """Return the serialised MarkerArray of (n, 4, 2) corners [m] and (n,) area ratios."""
+        points = upright(corners)
+        colors = np.repeat(area_colors(area_ratios), len(_TRIANGLES), axis=0)
+        return self._wire.encode(
+            fill=points[:, _TRIANGLES], color=colors, line=points[:, _OUTLINE]
+        )
+
+    def decode(self, data: bytes) -> np.ndarray | None:
+        """Return the (n, 4, 2) corners [m] of a message of `encode`, None of any other."""
+        try:
+            _, (fill,) = self._wire.decode(data[: self._size], 'fill')  # DDS pads
+        except Exception:  # what rclpy says about bytes of another layout
+            return None
+        return fill.reshape(-1, len(_TRIANGLES), 3)[:, _CORNERS][..., [0, 2]]
+
+
+def ground_markers(x: np.ndarray, y: np.ndarray) -> MarkerArray:
+    """Return the ground's profile as one line marker."""
+    ground = _marker('ground', 0, Marker.LINE_STRIP, 0.1)
+    ground.points = [Point(x=float(a), z=float(b)) for a, b in zip(x, y, strict=True)]
+    ground.color = ColorRGBA(r=0.4, g=0.4, b=0.4, a=1.0)
+    return MarkerArray(markers=[ground])
+
+
+def _marker(namespace: str, number: int, kind: int, scale: float) -> Marker:
+    marker = Marker(ns=namespace, id=number, type=kind, action=Marker.ADD)
+    marker.header.frame_id = WORLD_FRAME
+    marker.pose.orientation.w = 1.0
+    marker.scale.x = scale
+    if kind == Marker.TRIANGLE_LIST:
+        marker.scale.y = marker.scale.z = scale
+    return marker
+
+
+def _points(flat: np.ndarray) -> list[Point]:
+    return [Point(x=x, y=y, z=z) for x, y, z in flat.reshape(-1, 3).tolist()]

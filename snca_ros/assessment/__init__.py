@@ -1,0 +1,1 @@
+"""Scores of trained controllers: on unseen terrains, from pushed starts, under faults."""

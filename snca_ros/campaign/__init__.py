@@ -1,0 +1,1 @@
+"""Many runs: which they are, how they are made, what they find."""

@@ -1,0 +1,82 @@
+"""The columns of results.csv: what a run is, what it was assessed with, and what was found."""
+
+from sim_node.model.terrain import UNSEEN_KINDS
+from snca_ros.cell.architecture import Architecture
+from snca_ros.evolution.config import RunConfig
+
+SETTINGS = (
+    'run', 'shape', 'terrain', 'architecture', 'neuron_model', 'n_c', 'hidden', 'as_printed',
+    'strategy', 'engine', 'physics', 'substeps', 'iterations', 'self_collision', 'population',
+    'sigma', 'duration', 'transient', 'evaluations', 'seed',
+)
+"""What a run is. Its name says no more than these, and nothing is to be read out of the name."""
+
+VERSIONS = ('code_version', 'numpy_version', 'numba_version', 'pymunk_version')
+"""What evolved and assessed it, see `snca_ros.controller_file.code_version`."""
+
+ROBUST = (
+    'robust_rank', 'v_x_robust_chosen', 'robust_starts', 'v_x_robust_mean', 'v_x_robust_std',
+    'v_x_robust_unseen',
+)
+"""Of the second controller of a run, the robust one."""
+
+COLUMNS = (
+    *SETTINGS, 'terrain_set', *VERSIONS,
+    'chosen_by', 'v_x_end', 'v_x_other', 'starts', 'v_x_pushed_mean', 'v_x_pushed_std',
+    'v_x_unseen', *UNSEEN_KINDS, *ROBUST, 'frequency', 'vibration',
+)
+"""The header of results.csv; docs/campaigns.md explains each column. Speeds are in [m/s]."""
+
+TEXTS = (
+    'run', 'shape', 'terrain', 'architecture', 'neuron_model', 'hidden', 'as_printed', 'strategy',
+    'engine', 'physics', 'self_collision', 'terrain_set', *VERSIONS, 'chosen_by', 'starts',
+    'robust_starts',
+)
+"""Columns that hold no number."""
+
+INTEGERS = (
+    'n_c', 'substeps', 'iterations', 'population', 'evaluations', 'seed', 'robust_rank',
+)
+"""Columns that hold whole numbers."""
+
+MAY_BE_EMPTY = (*VERSIONS, 'v_x_other', *ROBUST, 'vibration')
+"""Columns that the first tables did not have, and the speed in an engine that cannot do the run."""
+
+
+def settings_of(config: RunConfig) -> dict[str, str]:
+    """Return the texts of `SETTINGS` of a run."""
+    cell, solver = config.architecture, config.solver
+    values = {
+        'run': config.name,
+        'shape': config.shape,
+        'terrain': config.terrain,
+        'architecture': cell.name,
+        'neuron_model': cell.neuron_model,
+        'n_c': cell.n_c,
+        'hidden': 'x'.join(map(str, cell.hidden)) or '0',
+        'as_printed': str(cell.as_printed).lower(),
+        'strategy': config.strategy,
+        'engine': config.engine,
+        'physics': solver.physics,
+        'substeps': solver.substeps,
+        'iterations': solver.iterations,
+        'self_collision': str(solver.self_collision).lower(),
+        'population': config.population,
+        'sigma': f'{config.sigma:.15g}',
+        'duration': f'{config.duration:.15g}',
+        'transient': f'{config.transient:.15g}',
+        'evaluations': config.evaluations,
+        'seed': config.seed,
+    }
+    return {name: str(values[name]) for name in SETTINGS}
+
+
+def unusual_cell(row: dict[str, str]) -> list[str]:
+    """Return what is unusual about the size of a row's cells, such as ['n_c2', 'hidden16x8']."""
+    usual = Architecture.named(row['architecture'], row['neuron_model'])
+    n_c = int(row['n_c'])
+    of_it = Architecture(usual.uniform, usual.directional, usual.neuron_model, n_c)
+    found = [f'n_c{n_c}'] if n_c != usual.n_c else []
+    if row['hidden'] != str(of_it.hidden[0]):
+        found.append(f'hidden{row["hidden"]}')
+    return found

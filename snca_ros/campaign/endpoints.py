@@ -1,0 +1,180 @@
+"""A run and its endpoints: evolved, then assessed; each endpoint under a name of its own."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from sim_node.control_time import CONTROL_RATE
+from sim_node.errors import InvalidInput
+from sim_node.model.terrain import DEFAULT_TERRAIN_SET, TERRAIN_SETS, UNSEEN_KINDS
+from sim_node.simulation import Diverged
+from snca_ros.assessment.trials import Trial, score, summary
+from snca_ros.campaign.columns import COLUMNS, settings_of
+from snca_ros.controller_file import (
+    TrainedController,
+    load_controller,
+    package_versions,
+    save_controller,
+)
+from snca_ros.evolution.checkpoint import Progress, RunFolder
+from snca_ros.evolution.config import RunConfig
+from snca_ros.evolution.evaluator import evaluate
+from snca_ros.evolution.evolve import evolve
+from snca_ros.evolution.workers import IN_PROCESS
+from snca_ros.recording.gait import dominant_frequency, steady_part, vibration_share
+
+STARTS = range(1, 21)
+"""Pushed starts of the evolution's best in pymunk; in the run's engine they choose the robust one.
+"""
+
+ROBUST_STARTS = range(101, 121)
+"""Pushed starts of the robust controller in pymunk; it was not chosen by them."""
+
+CURVE_COLUMNS = ('evaluations', 'best_so_far')
+"""Of a history: where the best v_x [m/s] so far rises, and the last generation."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run found.
+
+    Attributes:
+        row: of results.csv, column to text.
+        history: text of the CSV of its best-so-far curve.
+        controller, robust: content of its best.npz, and of its robust.npz.
+    """
+
+    row: dict[str, str]
+    history: str
+    controller: bytes
+    robust: bytes
+
+
+def perform(config: RunConfig, path: Path) -> Outcome:
+    """Evolve the run of the run folder `path`, or go on with it; then assess two controllers of it.
+
+    All in this process, and the same whether it was stopped on the way or not.
+
+    Raises:
+        InvalidInput: the folder cannot be used, or an earlier version has finished the run in it.
+    """
+    versions = package_versions()  # asked for now, so that it is the code that is loaded
+    folder = RunFolder.create_or_resume(path, config)
+    try:
+        progress = evolve(folder, IN_PROCESS)
+        if progress.by_old_rules:
+            expected = 'one that keeps its last whole population; remove the folder to run it anew'
+            raise InvalidInput('run', 'one that an earlier version finished', expected, str(path))
+        best, chosen = load_controller(path / 'best.npz'), choose_robust(config, progress)
+        theta, fitness = (of_all[chosen.place] for of_all in progress.population)
+        robust = replace(
+            best, theta=theta, fitness=float(fitness), v_x={config.engine: float(fitness)},
+            versions=versions,
+        )
+        save_controller(path / 'robust.npz', robust)
+        found = {
+            **settings_of(config),
+            **{f'{name}_version': versions[name] for name in ('code', 'numpy', 'numba', 'pymunk')},
+            **_of_the_best(config, best), **_of_the_robust(config, robust, chosen),
+        }
+        row = {column: str(found[column]) for column in COLUMNS}
+        files = [(path / name).read_bytes() for name in ('best.npz', 'robust.npz')]
+        return Outcome(row, _curve(progress), *files)
+    finally:
+        folder.close()
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """The robust controller of a run: its place in the population, and its mean v_x [m/s]."""
+
+    place: int
+    mean: float
+
+
+def choose_robust(config: RunConfig, progress: Progress) -> Chosen:
+    """Return the robust controller: of the last whole population the best mean of `STARTS`.
+
+    The episodes are those of the run's engine. Of equal means the individual with the larger
+    fitness counts.
+    """
+    individuals, _ = progress.population
+    v_x = [list(evaluate(IN_PROCESS, config, individuals, start)) for start in STARTS]
+    means = np.mean(v_x, axis=0)
+    place = int(np.argmax(means))
+    return Chosen(place, float(means[place]))
+
+
+def _trial(config: RunConfig, trained: TrainedController) -> Trial:
+    return Trial(trained, config.terrain, duration=config.duration, transient=config.transient)
+
+
+def _of_the_best(config: RunConfig, best: TrainedController) -> dict[str, object]:
+    """Return the columns of the evolution's best."""
+    own = _trial(config, best)
+    unseen = _unseen(own)
+    mean, deviation = _pushed(own, STARTS)
+    steady = steady_part(_actuation(own), config.transient)
+    return {
+        'terrain_set': DEFAULT_TERRAIN_SET,
+        'chosen_by': best.chosen_by,
+        'v_x_end': best.v_x[config.engine],
+        'v_x_other': best.v_x.get(config.other_engine, ''),
+        'starts': _told(STARTS), 'v_x_pushed_mean': mean, 'v_x_pushed_std': deviation,
+        'v_x_unseen': summary(unseen)[0], **dict(zip(UNSEEN_KINDS, unseen, strict=True)),
+        'frequency': dominant_frequency(steady), 'vibration': vibration_share(steady),
+    }
+
+
+def _of_the_robust(
+    config: RunConfig, robust: TrainedController, chosen: Chosen
+) -> dict[str, object]:
+    """Return the columns of the robust controller."""
+    own = _trial(config, robust)
+    mean, deviation = _pushed(own, ROBUST_STARTS)
+    return {
+        'robust_rank': 1 + chosen.place, 'v_x_robust_chosen': chosen.mean,
+        'robust_starts': _told(ROBUST_STARTS),
+        'v_x_robust_mean': mean, 'v_x_robust_std': deviation,
+        'v_x_robust_unseen': summary(_unseen(own))[0],
+    }
+
+
+def _unseen(own: Trial) -> list[float]:
+    """Return v_x [m/s] in pymunk on each of the unseen terrains."""
+    return [score(replace(own, terrain=name)) for name in TERRAIN_SETS[DEFAULT_TERRAIN_SET]]
+
+
+def _pushed(own: Trial, starts: Sequence[int]) -> tuple[float, float]:
+    """Return mean and sample standard deviation of v_x [m/s] in pymunk over pushed starts."""
+    return summary([score(replace(own, start=start)) for start in starts])
+
+
+def _told(starts: range) -> str:
+    return f'{starts[0]}-{starts[-1]}'
+
+
+def _actuation(trial: Trial) -> np.ndarray:
+    """Return the actuation in an episode, (n_steps, n_voxels); it ends where physics diverges."""
+    simulation, controller = trial.simulation(), trial.trained.controller()
+    readings, actuation = simulation.reset(), []
+    try:
+        for _ in range(round(trial.duration * CONTROL_RATE)):
+            actuation.append(controller.step(readings))
+            readings = simulation.step(actuation[-1])
+    except Diverged:
+        pass
+    return np.array(actuation)
+
+
+def _curve(progress: Progress) -> str:
+    """Return the generations in which the best so far rises, and the last, as CSV."""
+    lines = [','.join(CURVE_COLUMNS)]
+    last = -np.inf
+    for _, evaluations, *_, best_so_far in progress.history:
+        if best_so_far > last or evaluations == progress.evaluations:
+            lines.append(f'{int(evaluations)},{best_so_far!r}')
+        last = best_so_far
+    return '\n'.join([*lines, ''])

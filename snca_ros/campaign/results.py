@@ -1,0 +1,135 @@
+"""The results folder of campaigns: a row per run, its history, its controllers."""
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+
+from sim_node.errors import InvalidInput
+from snca_ros.campaign.columns import COLUMNS, INTEGERS, MAY_BE_EMPTY, TEXTS
+from snca_ros.campaign.endpoints import CURVE_COLUMNS, Outcome
+from snca_ros.campaign.first_results import FIRST_COLUMNS, FIRST_INTEGERS, FIRST_TEXTS, converted
+from snca_ros.files import hold_folder, told, write_atomically, write_text
+
+
+class Results:
+    """The results folder, held against a second process while it is open; close it when done.
+
+    results.csv has a row per finished run, histories/ a file and controllers/ two, its best and its
+    robust one. A run that has its row is finished, whichever campaign it belongs to.
+
+    Raises:
+        InvalidInput: the folder cannot be written, is in use, or its table is damaged.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            for folder in ('histories', 'controllers'):
+                (path / folder).mkdir(parents=True, exist_ok=True)
+            self._lock = hold_folder(path, 'results')
+        except OSError as error:
+            expected = 'a folder that can be written'
+            raise InvalidInput('results', error.strerror, expected, str(path)) from None
+        try:
+            table = path / 'results.csv'
+            self.rows = {row['run']: row for row in read_rows(table)} if table.exists() else {}
+        except InvalidInput:
+            self._lock.close()
+            raise
+
+    def add(self, outcome: Outcome) -> None:
+        """Write the files of a run, then the table with its row."""
+        name = outcome.row['run']
+        for suffix, content in (('', outcome.controller), ('-robust', outcome.robust)):
+            _write(self.path / 'controllers' / f'{name}{suffix}.npz', content)
+        write_text(self.path / 'histories' / f'{name}.csv', outcome.history)
+        self.rows[name] = outcome.row
+        text = io.StringIO()
+        writer = csv.DictWriter(text, COLUMNS, lineterminator='\n')
+        writer.writeheader()
+        writer.writerows(self.rows[run] for run in sorted(self.rows, key=self._place))
+        write_text(self.path / 'results.csv', text.getvalue())
+
+    def _place(self, run: str) -> tuple:
+        """Return what orders the table: it must not depend on which run ended first."""
+        row = self.rows[run]
+        case = (row[column] for column in ('shape', 'architecture', 'neuron_model', 'as_printed'))
+        return *case, int(row['seed']), run
+
+    def close(self) -> None:
+        """Let another process have the folder."""
+        self._lock.close()
+
+
+def _write(path: Path, content: bytes) -> None:
+    write_atomically(path, lambda file: file.write(content))
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """Return the rows of a results.csv, column to text; those of the first tables as of today.
+
+    Raises:
+        InvalidInput: it cannot be read, or a row or number of it is damaged.
+    """
+    try:
+        with path.open(newline='') as file:
+            header, *rows = csv.reader(file, strict=True)
+    except (OSError, ValueError, csv.Error) as error:
+        raise InvalidInput('file', told(error), 'a table of results', str(path)) from None
+    if tuple(header) not in _KINDS:
+        raise InvalidInput('header', header, ','.join(COLUMNS), str(path))
+    seen: set[str] = set()
+    for line, cells in enumerate(rows, 2):
+        _check_row(cells, header, seen, f'{path}:{line}')
+    found = [dict(zip(header, cells, strict=True)) for cells in rows]
+    if tuple(header) != FIRST_COLUMNS:
+        return found
+    try:
+        return [converted(row) for row in found]
+    except InvalidInput as error:
+        raise error.found_in(str(path)) from None
+
+
+_KINDS = {
+    COLUMNS: (TEXTS, INTEGERS, MAY_BE_EMPTY), FIRST_COLUMNS: (FIRST_TEXTS, FIRST_INTEGERS, ()),
+}
+"""Header to those of its columns that hold texts and integers, and that may be empty."""
+
+
+def _check_row(cells: list[str], header: list[str], seen: set[str], where: str) -> None:
+    if len(cells) != len(header):
+        raise InvalidInput('row', f'{len(cells)} values', f'{len(header)} values', where)
+    if cells[0] in seen:
+        raise InvalidInput('run', cells[0], 'a run that has no other row', where)
+    seen.add(cells[0])
+    texts, integers, may_be_empty = _KINDS[tuple(header)]
+    for column, cell in zip(header, cells, strict=True):
+        if column in texts or (column in may_be_empty and not cell):
+            continue
+        kind = int if column in integers else float
+        try:
+            kind(cell)
+        except ValueError:
+            expected = 'a whole number' if kind is int else 'a number'
+            raise InvalidInput(column, cell, expected, where) from None
+
+
+def read_curve(path: Path) -> np.ndarray:
+    """Return a history, (n_points, 2): evaluations and best v_x [m/s] so far.
+
+    Raises:
+        InvalidInput: it cannot be read or is damaged.
+    """
+    try:
+        with path.open(newline='') as file:
+            header, *rows = csv.reader(file, strict=True)
+        points = np.array(rows, dtype=float)
+    except (OSError, ValueError, csv.Error) as error:
+        raise InvalidInput('file', str(error), 'the history of a run', str(path)) from None
+    rising = (np.diff(points, axis=0) >= 0.0).all() and not np.isnan(points).any()
+    if tuple(header) != CURVE_COLUMNS or points.shape[1:] != (2,) or not rising:
+        expected = f'rows of rising {",".join(CURVE_COLUMNS)}'
+        raise InvalidInput('file', f'{len(rows)} rows under {header}', expected, str(path))
+    return points

@@ -1,0 +1,73 @@
+"""The campaign file: which runs a campaign consists of, as products of lists."""
+
+from collections.abc import Iterator
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from sim_node.errors import InvalidInput, check_keys
+from sim_node.model.physics import DEFAULT_PHYSICS
+from sim_node.model.solver import Solver
+from snca_ros.cell.architecture import Architecture
+from snca_ros.evolution.config import RunConfig
+from snca_ros.files import read_yaml
+
+_NEEDED = ('shape', 'architecture', 'neuron_model')
+_KEYS = (
+    *_NEEDED, 'as_printed', 'terrain', 'evaluations', 'seed', 'population', 'sigma',
+    'duration', 'transient', 'engine', 'strategy', 'physics',
+)
+
+
+def read_campaign(path: Path) -> list[RunConfig]:
+    """Return the runs of a campaign file, each once, lower seeds first.
+
+    A key of a run holds a value or a list of values. Each of the `cases` is the product of its
+    lists and of those beside `cases`; without cases there is the one product. The engine is
+    batched unless the file says otherwise.
+
+    Raises:
+        InvalidInput: the file cannot be read, or a key or value of it is off.
+    """
+    values = read_yaml(path, 'a campaign')
+    try:
+        runs = {config.name: config for config in _runs(values)}
+    except InvalidInput as error:
+        raise error.found_in(str(path)) from None
+    return sorted(runs.values(), key=lambda config: config.seed)
+
+
+def _runs(values: Any) -> Iterator[RunConfig]:
+    if not isinstance(values, dict):
+        raise InvalidInput('campaign', values, 'keys and values')
+    check_keys('key', values, (*_KEYS, 'cases'))
+    cases = values.get('cases', [{}])
+    if not isinstance(cases, list) or not all(isinstance(case, dict) for case in cases):
+        raise InvalidInput('cases', cases, 'a list of keys and values')
+    shared = {key: value for key, value in values.items() if key != 'cases'}
+    for i, case in enumerate(cases):
+        check_keys(f'cases[{i}]', case, _KEYS)
+        for combination in _product({'engine': 'batched', **shared, **case}):
+            yield _run(**combination)
+    if not cases:
+        raise InvalidInput('cases', cases, 'at least one')
+
+
+def _product(values: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    for key in _NEEDED:
+        if key not in values:
+            raise InvalidInput(key, None, 'a value or a list of values')
+    lists = [value if isinstance(value, list) else [value] for value in values.values()]
+    for key, choices in zip(values, lists, strict=True):
+        if not choices:
+            raise InvalidInput(key, choices, 'at least one value')
+    for choice in product(*lists):
+        yield dict(zip(values, choice, strict=True))
+
+
+def _run(
+    shape: Any, architecture: Any, neuron_model: Any, as_printed: Any = False,
+    physics: Any = DEFAULT_PHYSICS, **options: Any,
+) -> RunConfig:
+    cells = Architecture.named(architecture, neuron_model, as_printed=as_printed)
+    return RunConfig(shape, cells, solver=Solver(physics=physics), **options)

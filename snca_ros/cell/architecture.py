@@ -1,0 +1,131 @@
+"""The embodied neural cellular automaton: what kinds of cell there are."""
+
+from dataclasses import asdict, dataclass
+
+from sim_node.errors import InvalidInput, check_keys, check_name
+from sim_node.model.morphology import DIRECTIONS
+from sim_node.model.sensors import N_SENSORS
+from snca_ros.cell.coding import SNN_STEPS
+from snca_ros.cell.layers import n_synapses
+
+NEURON_MODELS = ('mlp', 'snn', 'snn-h')
+"""Perceptron, spiking network, spiking network with homeostasis."""
+
+ARCHITECTURES = ('U-nD', 'U-D', 'nU-D', 'nU-nD')
+"""Uniform or not (U, nU) and directional or not (D, nD); the paper studies the first three."""
+
+_MAX_N_C, _MAX_HIDDEN, _MAX_LAYERS = 64, 1024, 8
+
+
+@dataclass(frozen=True)
+class Architecture:
+    """What kind of cell a robot has.
+
+    Attributes:
+        uniform: all voxels share one set of weights.
+        directional: a cell sends a message of its own to each side, else the same to all.
+        neuron_model: one of `NEURON_MODELS`.
+        n_c: message channels per direction; None for the paper's 4 (nD) or 1 (D).
+        hidden: sizes of the hidden layers; None for the paper's one, as wide as the input.
+        as_printed: follow the paper's printed equations where the authors' code differs.
+
+    Raises:
+        InvalidInput: a value is not of this kind or out of range.
+    """
+
+    uniform: bool
+    directional: bool
+    neuron_model: str
+    n_c: int = None  # type: ignore[assignment]  # filled in below
+    hidden: tuple[int, ...] = None  # type: ignore[assignment]
+    as_printed: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ('uniform', 'directional', 'as_printed'):
+            if not isinstance(getattr(self, name), bool):
+                raise InvalidInput(name, getattr(self, name), 'true or false')
+        check_name('neuron_model', self.neuron_model, NEURON_MODELS)
+        if self.n_c is None:
+            object.__setattr__(self, 'n_c', 1 if self.directional else 4)
+        if not _is_size(self.n_c, _MAX_N_C):
+            raise InvalidInput('n_c', self.n_c, f'an integer from 1 to {_MAX_N_C}')
+        if self.hidden is None:
+            object.__setattr__(self, 'hidden', (self.n_inputs,))
+        is_list = isinstance(self.hidden, (tuple, list)) and len(self.hidden) <= _MAX_LAYERS
+        if not is_list or not all(_is_size(h, _MAX_HIDDEN) for h in self.hidden):
+            expected = f'up to {_MAX_LAYERS} layer sizes from 1 to {_MAX_HIDDEN}'
+            raise InvalidInput('hidden', self.hidden, expected)
+        object.__setattr__(self, 'hidden', tuple(self.hidden))
+
+    @classmethod
+    def named(cls, name: str, neuron_model: str, **options) -> 'Architecture':
+        """Return the architecture called `name` in the paper's shorthand, such as 'U-nD'."""
+        check_name('architecture', name, ARCHITECTURES)
+        uniform, directional = name.split('-')
+        return cls(uniform == 'U', directional == 'D', neuron_model, **options)
+
+    @property
+    def name(self) -> str:
+        """Return the paper's shorthand, such as 'U-nD'."""
+        return f'{"U" if self.uniform else "nU"}-{"D" if self.directional else "nD"}'
+
+    @property
+    def spiking(self) -> bool:
+        """Tell whether cells exchange spike trains rather than values."""
+        return self.neuron_model != 'mlp'
+
+    @property
+    def homeostasis(self) -> bool:
+        """Tell whether the neurons regulate their thresholds."""
+        return self.neuron_model == 'snn-h'
+
+    @property
+    def message_width(self) -> int:
+        """Return the numbers per channel in a message: a train of 16 spikes, or one value."""
+        return SNN_STEPS if self.spiking else 1
+
+    @property
+    def n_destinations(self) -> int:
+        """Return how many different messages a cell sends: 4, or 1 if not directional."""
+        return len(DIRECTIONS) if self.directional else 1
+
+    @property
+    def n_inputs(self) -> int:
+        """Return the inputs of a cell: 4 readings and n_c channels from each side."""
+        return N_SENSORS + len(DIRECTIONS) * self.n_c
+
+    @property
+    def n_outputs(self) -> int:
+        """Return the outputs of a cell: the actuation and the channels that it sends."""
+        return 1 + self.n_destinations * self.n_c
+
+    @property
+    def layer_sizes(self) -> tuple[int, ...]:
+        """Return the neurons per layer, from input to output."""
+        return self.n_inputs, *self.hidden, self.n_outputs
+
+    @property
+    def weights_per_cell(self) -> int:
+        """Return the number of parameters of one cell."""
+        return n_synapses(self.layer_sizes, bias=not self.spiking)
+
+    def n_parameters(self, n_voxels: int) -> int:
+        """Return the number of evolved parameters of a robot of `n_voxels` voxels."""
+        return self.weights_per_cell * (1 if self.uniform else n_voxels)
+
+    def to_dict(self) -> dict:
+        """Return the attributes as plain numbers, texts and lists."""
+        return {**asdict(self), 'hidden': list(self.hidden)}
+
+    @classmethod
+    def from_dict(cls, values: dict) -> 'Architecture':
+        """Return the architecture of `to_dict`; InvalidInput if a key or value is off."""
+        check_keys('architecture', values, list(cls.__dataclass_fields__))
+        for key in ('uniform', 'directional', 'neuron_model'):
+            if key not in values:
+                raise InvalidInput(f'architecture.{key}', None, 'a value')
+        return cls(**values)
+
+
+def _is_size(value: object, high: int) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= high

@@ -1,0 +1,1 @@
+"""Types of controllers compared: tests, tables, figures, one page."""

@@ -1,0 +1,85 @@
+"""Types of controllers against each other, pair by pair, on each shape."""
+
+import csv
+import io
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from snca_ros.comparison.rank_test import Comparison, compare, holm, quartiles
+from snca_ros.comparison.runs import Cases, ControllerType, column_of, known_measures
+
+COLUMNS = (
+    'shape', 'measure', 'first', 'second', 'n_first', 'n_second', 'median_first', 'median_second',
+    'u', 'p', 'p_holm', 'a', 'a_low', 'a_high',
+)
+"""Of statistics.csv; u and a are those of the first type."""
+
+_MOST_PAIRED = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Contrast:
+    """Two types of controllers compared on a shape, in one of `MEASURES`.
+
+    `p_holm` is corrected for the family of all pairs of types on the shape in that measure.
+    """
+
+    shape: str
+    measure: str
+    first: ControllerType
+    second: ControllerType
+    groups: tuple[np.ndarray, np.ndarray]
+    result: Comparison
+    p_holm: float
+
+    @property
+    def medians(self) -> tuple[float, float]:
+        """Return the median of each group [m/s]."""
+        first, second = self.groups
+        return float(quartiles(first)[1]), float(quartiles(second)[1])
+
+
+def contrasts(cases: Cases) -> list[Contrast]:
+    """Return all pairs of types on every shape, in each measure that all runs have."""
+    found = []
+    measures = known_measures(cases)
+    for shape, of_shape in cases.items():
+        for measure in measures:
+            values = {c: column_of(runs, measure) for c, runs in of_shape.items()}
+            pairs = list(combinations(values, 2))
+            results = [compare(values[first], values[second]) for first, second in pairs]
+            corrected = holm([result.p for result in results]).tolist()
+            for (first, second), result, p in zip(pairs, results, corrected, strict=True):
+                groups = values[first], values[second]
+                found.append(Contrast(shape, measure, first, second, groups, result, p))
+    return found
+
+
+def shown_contrasts(found: list[Contrast]) -> list[Contrast]:
+    """Return those for figures and summaries: of many types on a shape, the first with each."""
+    types: dict[str, list[ControllerType]] = {}
+    for contrast in found:
+        of_shape = types.setdefault(contrast.shape, [])
+        of_shape += [c for c in (contrast.first, contrast.second) if c not in of_shape]
+    return [
+        contrast for contrast in found
+        if len(types[contrast.shape]) <= _MOST_PAIRED
+        or contrast.first == types[contrast.shape][0]
+    ]
+
+
+def contrasts_csv(found: list[Contrast]) -> str:
+    """Return the text of statistics.csv, a row per contrast."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator='\n')
+    writer.writerow(COLUMNS)
+    for contrast in found:
+        result = contrast.result
+        writer.writerow([
+            contrast.shape, contrast.measure, contrast.first, contrast.second,
+            *map(len, contrast.groups), *contrast.medians, result.u, result.p, contrast.p_holm,
+            result.a, result.a_low, result.a_high,
+        ])
+    return text.getvalue()

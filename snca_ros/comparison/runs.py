@@ -1,0 +1,255 @@
+"""The finished runs of campaigns, joined and sorted by shape and type of controller."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from sim_node.errors import InvalidInput, check_name
+from sim_node.model.physics import PHYSICS
+from sim_node.model.solver import ENGINES
+from sim_node.model.terrain import TERRAIN_SETS
+from snca_ros.campaign.columns import unusual_cell
+from snca_ros.campaign.results import read_rows
+from snca_ros.campaign.specification import read_campaign
+from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS
+from snca_ros.evolution.strategies import STRATEGIES
+
+END, OTHER_ENGINE, UNSEEN = 'v_x_end', 'v_x_other', 'v_x_unseen'
+PUSHED, ROBUST = 'v_x_pushed_mean', 'v_x_robust_mean'
+"""Columns of the endpoints [m/s]; see docs/campaigns.md."""
+
+ENDPOINTS = {
+    END: 'end of evolution', OTHER_ENGINE: 'other engine', PUSHED: 'pushed mean',
+    UNSEEN: 'unseen terrains', ROBUST: 'robust',
+}
+"""What the endpoints are called."""
+
+MEASURES = {column: ENDPOINTS[column] for column in (END, UNSEEN, PUSHED, ROBUST)}
+"""Columns in which types of controllers are compared, and what they are called."""
+
+FEWEST_SEEDS = 3
+"""Below which a case comes with a warning."""
+
+_NUMBERS = 'substeps', 'iterations', 'population', 'sigma', 'duration', 'transient'
+
+
+@dataclass(frozen=True)
+class ControllerType:
+    """What the paper calls an embodied NCA: an architecture and a neuron model.
+
+    Attributes:
+        settings: in which its runs differ from others that are shown: engine, terrain, ...
+    """
+
+    architecture: str
+    neuron_model: str
+    as_printed: bool = False
+    settings: str = ''
+
+    def __str__(self) -> str:
+        """Return the name that the paper gives it, such as 'U-nD SNN-H'."""
+        return f'{self.architecture} {self.neuron_model.upper()}{self.variant}'
+
+    @property
+    def variant(self) -> str:
+        """Return the end of the name: what is unusual beside architecture and neuron model."""
+        printed = ' as printed' if self.as_printed else ''
+        settings = f', {self.settings}' if self.settings else ''
+        return f'{printed}{settings}'
+
+    @property
+    def order(self) -> tuple[bool, int, int, str]:
+        """Return what sorts types: the paper's own comes first."""
+        model = NEURON_MODELS.index(self.neuron_model)
+        return self.as_printed, ARCHITECTURES.index(self.architecture), -model, self.settings
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished run: its row of results.csv, column to text, and the file of its history."""
+
+    row: dict[str, str]
+    history: Path
+
+    @property
+    def controller(self) -> ControllerType:
+        """Return the type of its controller, without settings."""
+        row = self.row
+        return ControllerType(row['architecture'], row['neuron_model'], row['as_printed'] == 'true')
+
+    @property
+    def evaluations(self) -> int:
+        """Return the evaluations that it has spent."""
+        return int(self.row['evaluations'])
+
+    @property
+    def settings(self) -> list[str]:
+        """Return what it is beside its case, budget and seed, a word each: terrain, engine, ..."""
+        row = self.row
+        collides = {'false': [], 'true': ['self-collision']}.get(
+            row['self_collision'], [f'self-collision-{row["self_collision"]}']
+        )
+        return [
+            row['terrain'], row['engine'], row['strategy'], f'{row["physics"]}-physics',
+            f'unseen-{row["terrain_set"]}', *(f'{name}{row[name]}' for name in _NUMBERS),
+            *collides, *unusual_cell(row),
+        ]
+
+    def value(self, column: str) -> float:
+        """Return the number in a column of its row; NaN if it is not known."""
+        return float(self.row[column] or 'nan')
+
+    @property
+    def knows_vibration(self) -> bool:
+        """Tell whether the share of its vibration was measured; of the first tables it was not."""
+        return not np.isnan(self.value('vibration'))
+
+
+Cases = dict[str, dict[ControllerType, list[Run]]]
+"""Shape to type of controller to runs, at least one each."""
+
+
+def read_cases(folders: Sequence[Path], campaigns: Sequence[Path] = ()) -> Cases:
+    """Return the runs of all results folders, each once; if there are campaign files, theirs.
+
+    Raises:
+        InvalidInput: a table is missing or damaged, no run is left, two tables do not agree, or
+            a campaign file is off.
+    """
+    runs: dict[str, Run] = {}
+    wanted = {config.name for path in campaigns for config in read_campaign(path)}
+    for folder in folders:
+        table = folder / 'results.csv'
+        for row in read_rows(table):
+            _check_row(row, str(table))
+            if campaigns and row['run'] not in wanted:
+                continue
+            run = Run(row, folder / 'histories' / f'{row["run"]}.csv')
+            known = runs.setdefault(row['run'], run)
+            if known.row != row:
+                expected = f'the row that {known.history.parents[1] / "results.csv"} has for it'
+                raise InvalidInput('run', row['run'], expected, str(table))
+    if not runs:
+        shown = ', '.join(map(str, folders))
+        of = f' of {", ".join(map(str, campaigns))}' if campaigns else ''
+        raise InvalidInput('results', shown, f'at least one finished run{of}')
+    common = set.intersection(*(set(run.settings) for run in runs.values()))
+    found: dict[tuple[str, ControllerType], list[Run]] = {}
+    for run in runs.values():
+        differing = ' '.join(word for word in run.settings if word not in common)
+        controller = replace(run.controller, settings=differing)
+        found.setdefault((run.row['shape'], controller), []).append(run)
+    cases: Cases = {}
+    for shape, controller in sorted(found, key=lambda case: (case[0], case[1].order)):
+        cases.setdefault(shape, {})[controller] = found[shape, controller]
+    return cases
+
+
+def _check_row(row: dict[str, str], table: str) -> None:
+    known = {
+        'architecture': ARCHITECTURES, 'neuron_model': NEURON_MODELS, 'engine': ENGINES,
+        'chosen_by': ENGINES, 'as_printed': ('true', 'false'), 'strategy': STRATEGIES,
+        'physics': PHYSICS, 'terrain_set': TERRAIN_SETS,
+    }
+    for column, values in known.items():
+        check_name(column, row[column], values, table)
+    try:
+        unusual_cell(row)
+    except InvalidInput as error:
+        raise error.found_in(table) from None
+    for column in (END, UNSEEN, PUSHED, *(c for c in (OTHER_ENGINE, ROBUST) if row[c])):
+        if np.isnan(float(row[column])):
+            raise InvalidInput(column, row[column], 'a speed, or -inf', table)
+
+
+def fastest(runs: Sequence[Run]) -> Run:
+    """Return the run whose best controller is the fastest in the mean over pushed starts."""
+    return max(runs, key=lambda run: run.value(PUSHED))
+
+
+def known_measures(cases: Cases) -> dict[str, str]:
+    """Return those of `MEASURES` that all runs have; the first tables know no robust controller."""
+    runs = [run for of_shape in cases.values() for of in of_shape.values() for run in of]
+    return {c: name for c, name in MEASURES.items() if not np.isnan(column_of(runs, c)).any()}
+
+
+def column_of(runs: Sequence[Run], column: str) -> np.ndarray:
+    """Return the numbers of runs in a column, (n_runs,); NaN where they are not known."""
+    return np.array([run.value(column) for run in runs])
+
+
+def controller_types(cases: Cases) -> list[ControllerType]:
+    """Return the types of all shapes, in order."""
+    types = {controller for of_shape in cases.values() for controller in of_shape}
+    return sorted(types, key=lambda controller: controller.order)
+
+
+def missing_runs(cases: Cases, campaigns: Sequence[Path]) -> list[str]:
+    """Return lines that name the cases which lack runs.
+
+    Expected are the runs of the campaign files; without any, each type of controller on each shape.
+    """
+    expected: Counter[tuple[str, ControllerType]] = Counter()
+    done: Counter[tuple[str, ControllerType]] = Counter()
+    names = {run.row['run'] for of in cases.values() for runs in of.values() for run in runs}
+    for config in {c.name: c for path in campaigns for c in read_campaign(path)}.values():
+        cell = config.architecture
+        case = config.shape, ControllerType(cell.name, cell.neuron_model, cell.as_printed)
+        expected[case] += 1
+        done[case] += config.name in names
+    if not campaigns:
+        types = controller_types(cases)
+        expected = Counter((shape, controller) for shape in cases for controller in types)
+        done = Counter((shape, controller) for shape in cases for controller in cases[shape])
+    lacking: dict[str, list[str]] = {}
+    for case in sorted(expected, key=lambda case: (case[0], case[1].order)):
+        n, wanted = done[case], expected[case]
+        if n < wanted:
+            so_far = f'only {n} of {wanted} runs' if n else 'no run yet'
+            lacking.setdefault(f'{case[0]}: {so_far}', []).append(str(case[1]))
+    return [f'{told} of {", ".join(types)}' for told, types in lacking.items()]
+
+
+def warnings(cases: Cases) -> list[str]:
+    """Return lines that tell why a comparison may mislead."""
+    lines = []
+    for shape, of_shape in cases.items():
+        for controller, runs in of_shape.items():
+            if len(runs) < FEWEST_SEEDS:
+                lines.append(f'{shape}, {controller}: {told_seeds(runs)}, too few for a conclusion')
+            diverged = sum(any(np.isinf(run.value(m)) for m in MEASURES) for run in runs)
+            if diverged:
+                lines.append(f'{shape}, {controller}: {diverged} of {len(runs)} runs diverged in '
+                             'an episode; they count as slowest, and figures leave them out')
+        everything = [run for runs in of_shape.values() for run in runs]
+        if len({run.evaluations for run in everything}) > 1:
+            lines.append(f'{shape}: unequal budgets: {evidence(of_shape)}')
+        settings = sorted({controller.settings or 'defaults' for controller in of_shape})
+        if len(settings) > 1:
+            lines.append(f'{shape}: runs of unequal settings: {", ".join(settings)}')
+    return lines
+
+
+def told_seeds(runs: Sequence[Run]) -> str:
+    """Return the number of seeds of runs as text."""
+    n = len({run.row['seed'] for run in runs})
+    return f'{n} seed{"s" * (n != 1)}'
+
+
+def told_evaluations(runs: Sequence[Run]) -> str:
+    """Return the evaluations per run as text: a number, or the least and the most."""
+    spent = [run.evaluations for run in runs]
+    least, most = min(spent), max(spent)
+    return f'{least:,}' if least == most else f'{least:,} to {most:,}'
+
+
+def evidence(of_shape: dict[ControllerType, list[Run]]) -> str:
+    """Return how many seeds and evaluations there are of each type of controller."""
+    types: dict[str, list[str]] = {}
+    for controller, runs in of_shape.items():
+        spent = f'{told_seeds(runs)} × {told_evaluations(runs)} evaluations'
+        types.setdefault(spent, []).append(str(controller))
+    return '; '.join(f'{spent} of {", ".join(names)}' for spent, names in types.items())

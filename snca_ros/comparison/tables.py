@@ -1,0 +1,213 @@
+"""What a study finds as tables of text, in Markdown."""
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from snca_ros.comparison.pairwise import Contrast
+from snca_ros.comparison.rank_test import LEVEL, quartiles
+from snca_ros.comparison.runs import (
+    END,
+    ENDPOINTS,
+    MEASURES,
+    OTHER_ENGINE,
+    PUSHED,
+    ROBUST,
+    UNSEEN,
+    Cases,
+    Run,
+    column_of,
+    fastest,
+    known_measures,
+    told_evaluations,
+    told_seeds,
+)
+from snca_ros.recording.gait import VIBRATION
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table: what it is of, its header and its rows, all of the same length."""
+
+    title: str
+    header: list[str]
+    rows: list[list[str]]
+
+    def markdown(self) -> str:
+        """Return the table in Markdown, its title in bold."""
+        lines = [self.header, ['---'] * len(self.header), *self.rows]
+        return '\n'.join([f'**{self.title}**', '', *(f'| {" | ".join(line)} |' for line in lines)])
+
+
+def told_p(p: float) -> str:
+    """Return a p-value as text, with one more digit where it would read like 0.05 itself."""
+    if p < 0.001:
+        return '< 0.001'
+    return f'{p:.4f}' if f'{p:.3f}' == '0.050' else f'{p:.3f}'
+
+
+def speeds_table(cases: Cases) -> Table:
+    """Return seeds, evaluations and speeds of each case."""
+    known = [c for c in ENDPOINTS if c != ROBUST or c in known_measures(cases)]
+    columns = {**{c: ENDPOINTS[c] for c in known}, 'frequency': 'frequency [Hz]'}
+    rows = [
+        [shape, str(controller), told_seeds(runs).split()[0], told_evaluations(runs),
+         *(_told_quartiles(runs, column) for column in columns)]
+        for shape, of_shape in cases.items() for controller, runs in of_shape.items()
+    ]
+    header = ['shape', 'controller', 'seeds', 'evaluations', *columns.values()]
+    return Table('v_x [m/s] of the best controllers: median (quartiles)', header, rows)
+
+
+def _told_quartiles(runs: list[Run], column: str) -> str:
+    values = column_of(runs, column)
+    if np.isnan(values).any():
+        return '–'
+    low, median, high = quartiles(values)
+    return f'{median:.2f} ({low:.2f} to {high:.2f})'
+
+
+def champions_table(cases: Cases) -> Table:
+    """Return the best run of each case: the fastest in the mean over pushed starts."""
+    columns = {c: ENDPOINTS[c] for c in (END, OTHER_ENGINE, UNSEEN)}
+    robust = ROBUST in known_measures(cases)
+    rows = []
+    for of_shape in cases.values():
+        for runs in of_shape.values():
+            best = fastest(runs)
+            rows.append([
+                best.row['run'], *(_told(best.value(column)) for column in columns),
+                *_told_starts(best, 'pushed', 'starts'),
+                *(_told_starts(best, 'robust', 'robust_starts') if robust else ()),
+            ])
+    header = ['run', *columns.values(), 'pushed mean ± deviation', 'starts']
+    header += ['robust mean ± deviation', 'starts'] if robust else []
+    return Table('v_x [m/s] of the fastest of each type over pushed starts', header, rows)
+
+
+def _told(value: float) -> str:
+    return '–' if np.isnan(value) else f'{value:.2f}'
+
+
+def _told_starts(run: Run, what: str, starts: str) -> tuple[str, str]:
+    """Return mean and standard deviation over starts, and which starts."""
+    mean, std = (run.value(f'v_x_{what}_{of}') for of in ('mean', 'std'))
+    return f'{mean:.2f} ± {std:.2f}', run.row[starts].replace('-', ' to ')
+
+
+MOSTLY = 0.5
+"""Share of the actuation's power above `VIBRATION` above which a robot counts as vibrating."""
+
+SLOWEST = 0.5
+"""Pushed mean [m/s] below which a share of it that is kept says nothing."""
+
+FAST_PEAK = 4.0
+"""Frequency [Hz] of the peak of that power above which one counts as vibrating in a row of the
+first tables, which do not have the share: a voxel contracts and expands in less than 15 steps."""
+
+
+def vibrates(run: Run) -> bool:
+    """Tell whether a run's best controller vibrates."""
+    if run.knows_vibration:
+        return run.value('vibration') > MOSTLY
+    return run.value('frequency') > FAST_PEAK
+
+
+def vibration_table(cases: Cases) -> Table:
+    """Return how many runs of each case vibrate, and what those and the others keep of v_x.
+
+    Kept is the share of the pushed mean that is left on unseen terrains; runs below `SLOWEST` are
+    left out of the medians. If there are runs of the first tables, of which the peak alone is
+    known, it decides about those, and kept is the share of v_x at the end of evolution, of all
+    runs that walk forwards.
+    """
+    rows = []
+    all_runs = [run for of_shape in cases.values() for runs in of_shape.values() for run in runs]
+    shares = any(run.knows_vibration for run in all_runs)
+    known = all(run.knows_vibration for run in all_runs)
+    for shape, of_shape in cases.items():
+        for controller, runs in of_shape.items():
+            fast = [run for run in runs if vibrates(run)]
+            slow = [run for run in runs if not vibrates(run)]
+            rows.append([
+                shape, str(controller),
+                *([_told_range(100.0 * column_of(runs, 'vibration'), '.0f')] if shares else ()),
+                _told_range(column_of(runs, 'frequency'), '.2f'),
+                f'{len(fast)} of {len(runs)}', _told_pace(fast, known), _told_pace(slow, known),
+            ])
+    vibrating = f'above {FAST_PEAK:g} Hz'
+    if shares:
+        vibrating = f'above {100 * MOSTLY:g} %{"" if known else f" (or {FAST_PEAK:g} Hz)"}'
+    header = ['shape', 'controller', *([f'power above {VIBRATION:g} Hz [%]'] if shares else ()),
+              'peak [Hz]' if shares else 'frequency [Hz]', vibrating,
+              f'{"pushed mean" if known else "v_x"} [m/s] and share kept of those',
+              'of the others']
+    return Table('Vibration: medians of runs that do and that do not', header, rows)
+
+
+def _told_range(values: np.ndarray, form: str) -> str:
+    if np.isnan(values).any():
+        return '–'
+    return f'{values.min():{form}} to {values.max():{form}}'
+
+
+def _told_pace(runs: list[Run], by_pushed: bool) -> str:
+    base, least = (PUSHED, SLOWEST) if by_pushed else (END, np.nextafter(0.0, 1.0))
+    walked = [run for run in runs if run.value(base) >= least]
+    if not walked:
+        return '–'
+    kept = column_of(walked, UNSEEN) / column_of(walked, base)
+    return f'{_median(walked, base):.2f}, {100.0 * quartiles(kept)[1]:.0f} %'
+
+
+def factors_table(cases: Cases) -> Table:
+    """Return in how many shapes one architecture, or one neuron model, has the larger median.
+
+    All else is alike: neuron models are compared in one architecture, and the other way round.
+    """
+    measures = known_measures(cases)
+    found: dict[tuple[str, str, str], list[list[bool]]] = {}
+    for of_shape in cases.values():
+        for first, second in combinations(of_shape, 2):
+            if second == replace(first, architecture=second.architecture):
+                alike = first.neuron_model.upper()
+                names = first.architecture, second.architecture
+            elif second == replace(first, neuron_model=second.neuron_model):
+                alike = first.architecture
+                names = first.neuron_model.upper(), second.neuron_model.upper()
+            else:
+                continue
+            larger = [_median(of_shape[first], m) > _median(of_shape[second], m) for m in measures]
+            found.setdefault((*names, f'{alike}{first.variant}'), []).append(larger)
+    rows = [
+        [*names, str(len(larger)), *map(str, np.sum(larger, axis=0))]
+        for names, larger in sorted(found.items())
+    ]
+    header = ['first', 'second', 'with', 'shapes', *measures.values()]
+    return Table('On how many shapes the median v_x of the first is the larger', header, rows)
+
+
+def _median(runs: list[Run], column: str) -> float:
+    return float(quartiles(column_of(runs, column))[1])
+
+
+def contrasts_table(found: list[Contrast]) -> Table:
+    """Return p-values and effect sizes of contrasts."""
+    header = ['shape', 'v_x', 'first', 'second', 'medians [m/s]', 'p', 'p (Holm)',
+              f'A ({100 * LEVEL:g} % interval)']
+    rows = []
+    for contrast in found:
+        result, (first, second) = contrast.result, contrast.medians
+        rows.append([
+            contrast.shape, MEASURES[contrast.measure],
+            str(contrast.first), str(contrast.second), f'{first:.2f}, {second:.2f}',
+            told_p(result.p), told_p(contrast.p_holm),
+            f'{result.a:.2f} ({result.a_low:.2f} to {result.a_high:.2f})',
+        ])
+    return Table('First type against second', header, rows)
+
+
+def told_lines(title: str, lines: list[str]) -> list[str]:
+    """Return a Markdown list under a title; nothing if there are no lines."""
+    return ['\n'.join([f'**{title}**', '', *(f'- {line}' for line in lines)])] if lines else []

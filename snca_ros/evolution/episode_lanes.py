@@ -1,0 +1,71 @@
+"""Episodes of many controllers at once: one robot each, side by side in the batched engine."""
+
+import numpy as np
+
+from sim_node.batched.engine import Robots, advance_group
+from sim_node.control_time import CONTROL_RATE
+from sim_node.model.morphology import Morphology
+from sim_node.numerics.jit import compiled
+from snca_ros.cell.architecture import Architecture
+from snca_ros.cell.cell_lanes import make_cells, step_group
+from snca_ros.evolution.episode import EPISODE, Episode
+
+
+@compiled
+def _walk(group, cells, centers, done):
+    """Run whole episodes; write `centers` (n_steps + 1, 2, W) and the steps `done` (W,)."""
+    _write_centers(group.mass_lanes, centers[0])
+    for k in range(centers.shape[0] - 1):
+        step_group(cells, group.readings, k, group.actuation)
+        advance_group(group, k + 1)
+        _write_centers(group.mass_lanes, centers[k + 1])
+        for lane in range(done.shape[0]):
+            if done[lane] == k and group.sane_lanes[0, 0, lane] > 0.0:
+                done[lane] = k + 1
+
+
+@compiled
+def _write_centers(mass_lanes, centers):
+    """Write the robots' centres of mass, (2, W) [m], from `Group.mass_lanes`."""
+    n = mass_lanes.shape[0]
+    for axis in range(2):
+        for lane in range(centers.shape[1]):
+            total = 0.0
+            for i in range(n):
+                total += mass_lanes[i, axis, lane]
+            centers[axis, lane] = total / n
+
+
+def run_episodes(
+    robots: Robots,
+    architecture: Architecture,
+    morphology: Morphology,
+    thetas: np.ndarray,
+    duration: float = EPISODE,
+    push: int | None = None,
+) -> list[Episode]:
+    """Let each of up to W controllers walk a robot of its own from the start.
+
+    Args:
+        robots: W robots of that morphology, put down anew.
+        architecture: of the controllers.
+        morphology: of the robots.
+        thetas: (n, n_parameters), a controller per row, n <= W. Other lanes' weights are 0.
+        duration: of the episodes [s].
+        push: of the start, see `Robots.reset`.
+
+    Returns:
+        An episode per controller; each is the same, to the bit, whatever the others are.
+    """
+    width = robots.group.reading_lanes.shape[2]
+    n_steps = round(duration * CONTROL_RATE)
+    cells = make_cells(architecture, morphology, thetas, width)
+    centers = np.empty((n_steps + 1, 2, width))
+    done = np.zeros(width, dtype=np.int64)
+    robots.reset(push)
+    _walk(robots.group, cells, centers, done)
+    robots.step_count = n_steps
+    return [
+        Episode(centers[: done[lane] + 1, :, lane], diverged=bool(done[lane] < n_steps))
+        for lane in range(len(thetas))
+    ]

@@ -1,0 +1,1 @@
+"""The processes of one robot: described, started, watched, ended."""

@@ -1,0 +1,209 @@
+"""The graph of one robot as processes: the one description behind `walk` and `ros2 launch`.
+
+Nothing in here imports ROS.
+"""
+
+import os
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from sim_node.errors import InvalidInput
+from sim_node.model.morphology import DIRECTIONS, Morphology
+from sim_node.model.solver import ENGINES
+from snca_ros.controller_file import TrainedController
+from snca_ros.faults import NO_FAULTS, Faults
+
+
+@dataclass(frozen=True, eq=False)
+class NodeProcess:
+    """One process of the graph.
+
+    Attributes:
+        executable: as `ros2 run snca_ros <executable>`.
+        names: arguments before --ros-args; the names of the nodes of a voxel process.
+        parameters: node name to its parameters.
+    """
+
+    executable: str
+    parameters: dict[str, dict[str, object]]
+    names: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Return the name of its first node."""
+        return next(iter(self.parameters))
+
+
+@dataclass(frozen=True)
+class Graph:
+    """All processes of one robot in the namespace /<robot>.
+
+    Attributes:
+        robot: the namespace.
+        simulation, voxels, recorder: its processes on this machine; simulation None if it runs on
+            another one, recorder None if nothing is recorded.
+    """
+
+    robot: str
+    simulation: NodeProcess | None
+    voxels: tuple[NodeProcess, ...]
+    recorder: NodeProcess | None = None
+
+    @property
+    def processes(self) -> tuple[NodeProcess, ...]:
+        """Return all processes in the order in which they should be started."""
+        return tuple(p for p in (self.recorder, self.simulation, *self.voxels) if p)
+
+    def enclave(self, name: str) -> str:
+        """Return the SROS 2 enclave of the process whose first node is `name`.
+
+        Without security it is a name that nobody looks up.
+        """
+        return f'/{self.robot}/{name}'
+
+    def parameters_yaml(self) -> str:
+        """Return the params file (--params-file) of all nodes."""
+        nodes = {}
+        for process in self.processes:
+            for name, values in process.parameters.items():
+                nodes[f'/{self.robot}/{name}'] = {'ros__parameters': values}
+        return yaml.safe_dump(nodes, sort_keys=False)
+
+
+@dataclass(frozen=True)
+class WalkOptions:
+    """What a person chooses about a walk; see the help of `snca walk`.
+
+    `only` chooses the voxels of this machine, as `choose_voxels` has it; with `one_walk` they end
+    when their simulation has.
+    """
+
+    robot: str = ''
+    terrain: str = ''
+    engine: str = ''
+    duration: float = 30.0
+    real_time_factor: float = 0.0
+    voxels_per_process: int = 1
+    only: str = ''
+    one_walk: bool = False
+    bag: str = ''
+    storage: str = 'mcap'
+    faults: Faults = NO_FAULTS
+    simulation: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def patience(self) -> float:
+        """Return how long a voxel waits for a neighbour [s]; 0, for ever, unless runs go on.
+
+        Well below the simulation's own limit, so that a dead voxel does not take its neighbours
+        with it.
+        """
+        if self.simulation.get('on_silence') != 'go_on':
+            return 0.0
+        return float(self.simulation.get('silence_limit', 10.0)) / 4.0
+
+
+def describe_graph(
+    controller: Path, trained: TrainedController, options: WalkOptions
+) -> Graph:
+    """Return the processes that let the robot of a controller file walk.
+
+    Raises:
+        InvalidInput: an option is off.
+    """
+    morphology = trained.morphology
+    k = options.voxels_per_process
+    if not 1 <= k <= 1000:
+        raise InvalidInput('voxels_per_process', k, 'a number from 1 to 1000')
+    robot = options.robot or robot_name(morphology)
+    if not (robot.isascii() and robot.isidentifier()):
+        raise InvalidInput('robot', robot, 'letters, digits and _, not starting with a digit')
+    names = choose_voxels(morphology, options.only)
+    groups = [names[i : i + k] for i in range(0, len(names), k)]
+    recorder = None
+    if options.bag:
+        bag: dict[str, object] = {
+            'bag': os.path.abspath(options.bag), 'storage': options.storage
+        }
+        recorder = NodeProcess('recorder_node', {'recorder_node': bag})
+    return Graph(
+        robot,
+        NodeProcess('sim_node', {'sim_node': _simulation_parameters(trained, options)}),
+        tuple(
+            NodeProcess(
+                'voxel_node',
+                {name: _voxel_parameters(name, morphology, controller, options)
+                 for name in group},
+                group,
+            )
+            for group in groups
+        ),
+        recorder,
+    )
+
+
+def choose_voxels(morphology: Morphology, only: str) -> tuple[str, ...]:
+    """Return the names of some voxels, in index order.
+
+    Args:
+        morphology: of the robot.
+        only: `K/N`, the Kth of N equal shares; or names, voxel_<x>_<y>, with commas between them;
+            or `none`; all if empty.
+
+    Raises:
+        InvalidInput: there is no such share or voxel.
+    """
+    names = morphology.voxel_names
+    if not only:
+        return names
+    if only == 'none':
+        return ()
+    if share := re.fullmatch(r'(\d{1,4})/(\d{1,4})', only, re.ASCII):
+        k, n = int(share[1]), int(share[2])
+        if not 1 <= k <= n <= len(names):
+            raise InvalidInput('only', only, f'K/N with 1 <= K <= N <= {len(names)}')
+        return names[(k - 1) * len(names) // n : k * len(names) // n]
+    chosen = {morphology.index_of(name) for name in only.split(',')}
+    return tuple(names[i] for i in sorted(chosen))
+
+
+def _simulation_parameters(
+    trained: TrainedController, options: WalkOptions
+) -> dict[str, object]:
+    return {
+        'morphology': trained.morphology.grid_string,
+        'terrain': options.terrain or trained.terrain,
+        'engine': options.engine or ENGINES[0],
+        'duration': float(options.duration),
+        'real_time_factor': float(options.real_time_factor),
+        'recorders': 1 if options.bag else 0,
+        **{f'material.{k}': v for k, v in vars(trained.material).items()},
+        **{f'solver.{k}': v for k, v in vars(trained.solver).items()},
+        **options.faults.of_body,
+        **options.simulation,
+    }
+
+
+def _voxel_parameters(
+    name: str, morphology: Morphology, controller: Path, options: WalkOptions
+) -> dict[str, object]:
+    row = morphology.neighbors[morphology.index_of(name)]
+    neighbors = {
+        f'neighbor.{d}': morphology.voxel_names[j]
+        for d, j in zip(DIRECTIONS, row, strict=True) if j >= 0
+    }
+    return {
+        'controller': os.path.abspath(controller), 'patience': options.patience,
+        'real_time': options.real_time_factor > 0.0, 'one_walk': options.one_walk, **neighbors,
+        **options.faults.of_cells,
+    }
+
+
+def robot_name(morphology: Morphology) -> str:
+    """Return the namespace that a robot of this shape gets if nobody names one."""
+    text = ''.join(c if c.isascii() and c.isalnum() else '_' for c in morphology.name)
+    return text if text[:1].isalpha() else f'robot_{text}'

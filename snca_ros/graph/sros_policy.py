@@ -1,0 +1,112 @@
+"""(ROS) The `policy` command: who of a robot may say and hear what, as SROS 2 reads it."""
+
+import argparse
+import sys
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+
+from sim_node.ros.topics import ACTUATION_TOPIC, SENSORS_TOPIC
+from snca_ros.bundled import find_controller
+from snca_ros.controller_file import load_controller
+from snca_ros.graph.description import Graph, WalkOptions, describe_graph
+from snca_ros.nodes.cell_messages import topic_name
+
+EXAMPLES = """
+  snca policy biped-U-nD-snn-h > policy.xml
+  snca policy runs/tripod/best.npz --robot alice --voxels-per-process 4 > policy.xml
+"""
+
+_POLICY_VERSION = '0.2.0'
+_SIMULATION_TOPICS = ('/clock', 'odometry', 'markers')
+_SPOKEN_BY_ALL = ('/diagnostics', '/parameter_events', '/rosout')
+_SERVED_BY_ALL = tuple(f'~/{name}' for name in (
+    'describe_parameters', 'get_parameter_types', 'get_parameters', 'get_type_description',
+    'list_parameters', 'set_parameters', 'set_parameters_atomically',
+))
+
+
+@dataclass(frozen=True)
+class Access:
+    """What a node may publish, subscribe to and serve, besides what every node does.
+
+    Names are relative to the robot's namespace, unless they begin with / or ~.
+    """
+
+    publish: tuple[str, ...] = ()
+    subscribe: tuple[str, ...] = ()
+    reply: tuple[str, ...] = ()
+
+
+def access_of_nodes(graph: Graph, messages: str) -> dict[str, Access]:
+    """Return what each node of a robot may do, by its name.
+
+    Args:
+        graph: of the whole robot.
+        messages: topic of the cells' messages, `spikes` or `values`.
+    """
+    voxels = {n: values for process in graph.voxels for n, values in process.parameters.items()}
+    sensors = tuple(f'{voxel}/{SENSORS_TOPIC}' for voxel in voxels)
+    actuation = tuple(f'{voxel}/{ACTUATION_TOPIC}' for voxel in voxels)
+    said = tuple(f'{voxel}/{messages}' for voxel in voxels)
+    access = {
+        'sim_node': Access(
+            (*_SIMULATION_TOPICS, *sensors), actuation, ('reset', 'step', 'pause')
+        ),
+        'recorder_node': Access((), (
+            *_SIMULATION_TOPICS, *sensors, *actuation, *said, '/diagnostics', '/rosout',
+        )),
+        'walk': Access((), ('/diagnostics',)),
+        'voxels': Access(),
+    }
+    for voxel, values in voxels.items():
+        neighbors = [name for key, name in values.items() if key.startswith('neighbor.')]
+        heard = tuple(f'{neighbor}/{messages}' for neighbor in neighbors)
+        access[voxel] = Access(
+            (f'{voxel}/{ACTUATION_TOPIC}', f'{voxel}/{messages}'),
+            (f'{voxel}/{SENSORS_TOPIC}', f'{voxel}/{ACTUATION_TOPIC}', *heard),
+        )
+    return access
+
+
+def policy_xml(graph: Graph, messages: str) -> str:
+    """Return the SROS 2 policy of a robot: an enclave for each of its processes."""
+    access = access_of_nodes(graph, messages)
+    enclaves = {graph.enclave(p.name): tuple(p.parameters) for p in graph.processes}
+    enclaves.update({graph.enclave(name): (name,) for name in ('walk', 'voxels')})
+    policy = ET.Element('policy', version=_POLICY_VERSION)
+    root = ET.SubElement(policy, 'enclaves')
+    for path, nodes in enclaves.items():
+        profiles = ET.SubElement(ET.SubElement(root, 'enclave', path=path), 'profiles')
+        for node in nodes:
+            profile = ET.SubElement(profiles, 'profile', ns=f'/{graph.robot}', node=node)
+            mine = access[node]
+            _allow(profile, 'topic', 'publish', (*_SPOKEN_BY_ALL, *mine.publish))
+            _allow(profile, 'topic', 'subscribe', mine.subscribe)
+            _allow(profile, 'service', 'reply', (*_SERVED_BY_ALL, *mine.reply))
+    ET.indent(policy)
+    return ET.tostring(policy, encoding='unicode', xml_declaration=True)
+
+
+def _allow(profile: ET.Element, kind: str, verb: str, names: tuple[str, ...]) -> None:
+    if names:
+        group = ET.SubElement(profile, f'{kind}s', {verb: 'ALLOW'})
+        for name in names:
+            ET.SubElement(group, kind).text = name
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line of `policy`."""
+    parser.add_argument('controller', help='controller file, or the name of one in the box')
+    parser.add_argument('--robot', default='', help='namespace (default: the shape)')
+    parser.add_argument('--voxels-per-process', type=int, default=1, metavar='K',
+                        help='of the walk; a process has one enclave (default 1)')
+
+
+def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Print the policy; return the exit code."""
+    path = find_controller(args.controller)
+    trained = load_controller(path)
+    options = WalkOptions(args.robot, voxels_per_process=args.voxels_per_process, bag='any')
+    graph = describe_graph(path, trained, options)
+    sys.stdout.write(policy_xml(graph, topic_name(trained.architecture)) + '\n')
+    return 0

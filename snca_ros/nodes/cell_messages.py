@@ -1,0 +1,91 @@
+"""(ROS) What cells send each other, as messages: spike trains and values."""
+
+import numpy as np
+from sensor_msgs.msg import Image
+
+from sim_node.control_time import step_of_stamp
+from sim_node.episode import EXAMPLE_EPISODE, check_frame, frame_of
+from sim_node.errors import InvalidInput
+from sim_node.ros.cdr import WireFormat
+from snca_ros.cell.architecture import Architecture
+
+
+class CellMessages:
+    """Messages between the cells of one architecture, as sensor_msgs/Image.
+
+    A row is a channel: 16 SNN steps as mono8 pixels 0 or 255 (topic `spikes`), or one 64FC1
+    value (topic `values`). A directional cell stacks the channels for above, left, below, right.
+
+    Args:
+        architecture: of the cells.
+        voxel: name of the sender.
+    """
+
+    def __init__(self, architecture: Architecture, voxel: str) -> None:
+        self._shape = (
+            architecture.n_destinations, architecture.n_c, architecture.message_width
+        )
+        self._spiking = architecture.spiking
+        n_destinations, n_c, width = self._shape
+        count = n_destinations * n_c * width
+        dtype = np.uint8 if self._spiking else np.float64
+        # An example that stands out: no other part of the message looks like it.
+        example = np.arange(1, count + 1).astype(dtype) if self._spiking else (
+            np.arange(1, count + 1) / 7.0
+        )
+        image = Image(
+            height=n_destinations * n_c,
+            width=width,
+            encoding='mono8' if self._spiking else '64FC1',
+            step=width * np.dtype(dtype).itemsize,
+            data=example.tobytes(),
+        )
+        image.header.frame_id = frame_of(voxel)
+        self._fixed = {
+            'height': image.height, 'width': image.width, 'encoding': image.encoding,
+            'is_bigendian': 0, 'step': image.step,
+        }
+        self._voxel, self._n_bytes = voxel, len(image.data)
+        episode = np.frombuffer(EXAMPLE_EPISODE, np.uint8)
+        numbers = {'data': example, 'episode': episode}
+        self._wire = WireFormat(image, numbers, check=self._check)
+
+    def _check(self, image: Image) -> None:
+        check_frame(self._voxel, image.header.frame_id)
+        for name, expected in self._fixed.items():
+            if getattr(image, name) != expected:
+                raise InvalidInput(name, getattr(image, name), repr(expected))
+        if len(image.data) != self._n_bytes:
+            raise InvalidInput('data', f'{len(image.data)} bytes', f'{self._n_bytes} bytes')
+
+    def encode(
+        self, episode: np.ndarray, stamp: tuple[int, int], outbox: np.ndarray
+    ) -> bytes:
+        """Return the serialised message of (n_destinations, n_c, width) spikes or values."""
+        data = (outbox * 255).astype(np.uint8) if self._spiking else outbox
+        return self._wire.encode(stamp, data=data, episode=episode)
+
+    def decode(self, data: bytes) -> tuple[bytes, int, np.ndarray]:
+        """Return (episode, step, (n_destinations, n_c, width) spikes 0.0/1.0 or values).
+
+        Raises:
+            InvalidInput: a fixed part, the stamp, a pixel or a value is not what it should be.
+        """
+        try:
+            stamp, (numbers, episode) = self._wire.decode(data, 'data', 'episode')
+        except InvalidInput:
+            raise
+        except Exception as error:
+            raise InvalidInput('message', str(error), 'a sensor_msgs/Image') from None
+        if self._spiking:
+            if numbers.tobytes().strip(b'\x00\xff'):
+                raise InvalidInput('data', 'other pixels', '0 or 255 in every pixel')
+            numbers = numbers / 255.0
+        elif not (np.abs(numbers) <= 1.0).all():
+            raise InvalidInput('data', numbers.tolist(), 'values from -1 to 1')
+        return episode.tobytes(), step_of_stamp(*stamp), numbers.reshape(self._shape)
+
+
+def topic_name(architecture: Architecture) -> str:
+    """Return the topic below `<voxel>/` on which cells of this architecture send."""
+    return 'spikes' if architecture.spiking else 'values'

@@ -1,0 +1,186 @@
+"""(ROS) What the live page is told: the node of `walk --view` listens, a server streams."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import Image, JointState
+from visualization_msgs.msg import MarkerArray
+
+from sim_node.control_time import step_of_stamp
+from sim_node.model.terrain import parse_terrain
+from sim_node.ros import topics
+from sim_node.ros.node_base import RosNode
+from snca_ros.cell.coding import SNN_STEPS
+from snca_ros.controller_file import TrainedController
+from snca_ros.graph.description import NodeProcess
+from snca_ros.graph.processes import RunningGraph
+from snca_ros.nodes.cell_messages import CellMessages, topic_name
+from snca_ros.recording.gait import area_ratios
+from snca_ros.web.page import live_page
+from snca_ros.web.server import PageServer
+
+_PERIOD = 1.0 / 30.0  # seconds of wall time between frames
+_DIGITS = 4  # of the numbers sent
+
+
+LOSS = 0.5
+"""Share of the messages that a voxel with noise does not hear: the fault `loss`."""
+
+
+class ViewNode(RosNode):
+    """Listens to a whole robot and tells a page how it looks, 30 times a second.
+
+    Args:
+        robot: its namespace.
+        trained: its controller.
+        tell: called with each frame, ready for JSON: `step`, `x`, `y` [m], `corners` [m] of the
+            newest pose, `area`, `touch` and `actuation` of each voxel, `said`, rows of step,
+            voxel and numbers sent, and `health`, level and words of each node by its name.
+    """
+
+    def __init__(
+        self, robot: str, trained: TrainedController, tell: Callable[[dict[str, Any]], None]
+    ) -> None:
+        super().__init__('view', namespace=f'/{robot}', enable_rosout=False)
+        self._tell = tell
+        voxels, qos = trained.morphology.voxel_names, topics.stream_qos()
+        self._voxels = voxels
+        topic = topic_name(trained.architecture)
+        self._odometry_wire = topics.odometry_format(trained.morphology.grid_string)
+        self._robot = topics.RobotMarkers(len(voxels))
+        self._sensors = [topics.sensors_format(voxel) for voxel in voxels]
+        self._actuation = [topics.actuation_format(voxel) for voxel in voxels]
+        self._messages = [CellMessages(trained.architecture, voxel) for voxel in voxels]
+        self._odometry_box = self.create_mailbox(Odometry, 'odometry', qos)
+        self._markers_box = self.create_mailbox(MarkerArray, 'markers', qos)
+        self._boxes = {
+            kind: [self.create_mailbox(of_type, f'{voxel}/{name}', qos) for voxel in voxels]
+            for kind, of_type, name in (
+                ('sensors', JointState, topics.SENSORS_TOPIC),
+                ('actuation', JointState, topics.ACTUATION_TOPIC),
+                ('messages', Image, topic),
+            )
+        }
+        self._spiking = trained.architecture.spiking
+        self._frame: dict[str, Any] = {
+            'area': [None] * len(voxels), 'touch': [None] * len(voxels),
+            'actuation': [None] * len(voxels), 'health': {},
+        }
+        self.create_subscription(DiagnosticArray, '/diagnostics', self._note_health, 100)
+        self.create_timer(_PERIOD, self._look)
+
+    def _note_health(self, message: DiagnosticArray) -> None:
+        prefix = self.get_namespace() + '/'
+        for status in message.status:
+            if status.name.startswith(prefix):
+                words = int.from_bytes(status.level, 'little'), status.message
+                self._frame['health'][status.name.removeprefix(prefix)] = words
+
+    def say(self, node: str, words: str) -> None:
+        """Tell of a node that cannot speak for itself; until it does."""
+        self._frame['health'][node] = 2, words
+
+    def _look(self) -> None:
+        """Tell what has come since the last look."""
+        frame, said = self._frame, []
+        for step, x, y in self._read('odometry', self._odometry_box, self._placed):
+            frame['step'], frame['x'], frame['y'] = step, x, y
+        for data in self._markers_box():
+            corners = self._robot.decode(data)
+            if corners is not None:
+                frame['corners'] = corners.round(_DIGITS).ravel().tolist()
+        for i, (sensors, actuation, messages) in enumerate(zip(*self._boxes.values(), strict=True)):
+            voxel = self._voxels[i]
+            for readings in self._read(f'{voxel}/sensors', sensors, partial(self._sensed, i)):
+                frame['area'][i] = round(float(area_ratios(readings[np.newaxis])[0]), _DIGITS)
+                frame['touch'][i] = round(float(readings[1]), _DIGITS)
+            for a in self._read(f'{voxel}/actuation', actuation, partial(self._acted, i)):
+                frame['actuation'][i] = a
+            said += self._read(f'{voxel}/messages', messages, partial(self._said, i))
+        if 'step' in frame and 'corners' in frame:
+            self._tell({**frame, 'said': said})
+
+    def _read(
+        self, topic: str, take: Callable[[], list[bytes]], read: Callable[[bytes], Any]
+    ) -> list[Any]:
+        """Return what `read` makes of the messages that have come; others are refused."""
+        found = []
+        for data in take():
+            try:
+                found.append(read(data))
+            except Exception as error:  # also what rclpy says about bytes of another layout
+                self.refuse(topic, error)
+        return found
+
+    def _placed(self, data: bytes) -> tuple[int, float, float]:
+        stamp, (position,) = self._odometry_wire.decode(data, 'position')
+        return step_of_stamp(*stamp), float(position[0]), float(position[2])
+
+    def _sensed(self, i: int, data: bytes) -> np.ndarray:
+        return topics.read_joint_state(self._sensors[i], data, 0.0, 1.0)[2]
+
+    def _acted(self, i: int, data: bytes) -> float:
+        return float(topics.read_joint_state(self._actuation[i], data, -1.0, 1.0)[2][0])
+
+    def _said(self, i: int, data: bytes) -> list[Any]:
+        """Return step, voxel, and a number per channel: a spike train as an integer, or a value."""
+        _, step, message = self._messages[i].decode(data)
+        rows = message.reshape(-1, message.shape[-1])
+        if not self._spiking:
+            return [step, i, rows.ravel().tolist()]
+        return [step, i, (rows @ (1 << np.arange(SNN_STEPS))).astype(int).tolist()]
+
+
+class LiveView:
+    """The live page of a running graph: it tells how the robot is and obeys its page.
+
+    Args:
+        port: of the page; 0 for a free one.
+        trained: the controller.
+        terrain: its name.
+        running: the graph.
+
+    Raises:
+        InvalidInput: the port cannot be had.
+    """
+
+    def __init__(
+        self, port: int, trained: TrainedController, terrain: str, running: RunningGraph
+    ) -> None:
+        robot, self._running = running.graph.robot, running
+        page = live_page(trained, parse_terrain(terrain), f'{robot} on {terrain}')
+        self._server = PageServer(port, page)
+        self._node = ViewNode(robot, trained, self._server.tell)
+        self._processes = {name: p for p in running.graph.voxels for name in p.names}
+        self.address = self._server.address
+
+    def spin_once(self) -> None:
+        """Do what is due, within a frame's time."""
+        rclpy.spin_once(self._node, timeout_sec=_PERIOD)
+        while not self._server.commands.empty():
+            command = self._server.commands.get()
+            process = self._processes.get(str(command.get('voxel')))
+            if process is not None:
+                self._obey(str(command.get('action')), process)
+
+    def _obey(self, action: str, process: NodeProcess) -> None:
+        """Kill, revive or disturb the process of a voxel, and of those that share it."""
+        if action not in ('kill', 'revive', 'noise'):
+            return
+        if action in ('kill', 'noise'):
+            self._running.kill(process)
+        if action in ('revive', 'noise') and self._running.exit_code(process) is not None:
+            disturbed = {'loss': LOSS} if action == 'noise' else {}
+            self._running.start_again(process, **disturbed)
+        for name in process.names:
+            self._node.say(name, {'kill': 'killed'}.get(action, 'starting'))
+
+    def close(self) -> None:
+        """Close the page's connections and the port."""
+        self._node.destroy_node()
+        self._server.close()

@@ -1,0 +1,1 @@
+"""Recordings of walks: read from bags, made offline, measured, drawn."""

@@ -1,0 +1,287 @@
+"""What a recorded walk was, as arrays over control steps: `read_bag` gives a `Recording`."""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sim_node.episode import UNKNOWN_PHYSICS, physics_of_episode
+from sim_node.errors import InvalidInput
+from sim_node.model.physics import UNNAMED_PHYSICS
+from sim_node.model.sensors import N_SENSORS
+from snca_ros.recording.diagnostics import NodeHealth, read_health
+from snca_ros.recording.poses import Poses, read_poses
+from snca_ros.recording.storage import Topic, read_storage
+from snca_ros.recording.streams import KINDS, Stream, decode
+
+_VOXEL_TOPIC = re.compile(r'/(voxel_\d+_\d+)/(sensors|actuation|spikes|values)')
+
+
+@dataclass(frozen=True, eq=False)
+class TopicCount:
+    """How many messages of a topic arrived.
+
+    Attributes:
+        topic: its full name.
+        received: messages in the bag; of a stamped topic, control steps of the episode.
+        missing: control steps that were sent and are not in the bag; None if the topic carries
+            no control step, so that nobody can tell.
+        refused: messages of the bag that are not what this topic carries, or are stamped later
+            than the robot went; they are in no array.
+    """
+
+    topic: str
+    received: int
+    missing: np.ndarray | None = None
+    refused: int = 0
+
+    @property
+    def kind(self) -> str:
+        """Return the last part of the topic's name: sensors, spikes, odometry, ..."""
+        return self.topic.rpartition('/')[2]
+
+    @property
+    def lost(self) -> int:
+        """Return how many messages are missing, as far as one can tell."""
+        return 0 if self.missing is None else len(self.missing)
+
+    @property
+    def sent(self) -> int:
+        """Return how many messages were sent, as far as one can tell."""
+        return self.received + self.lost
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One episode of a bag. Row k of an array is control step k; numbers not in it are NaN.
+
+    Attributes:
+        path: the bag.
+        closed: whether the recorder had finished the bag; False after a kill.
+        robot: its namespace, without the leading slash.
+        episode, n_episodes: which one this is, from 0, of how many; a reset starts a new one.
+        voxel_names: in the morphology's order, row by row from the bottom.
+        centers: (n_steps, 2) centre of mass x, y [m].
+        readings: (n_steps, n_voxels, 4) in [0, 1].
+        actuation: (n_steps, n_voxels) in [-1, 1].
+        spikes: (n_steps, n_voxels, n_channels, 16) uint8 0 or 1; None if the cells send none.
+        values: (n_steps, n_voxels, n_channels) in [-1, 1]; None if the cells send none.
+        heard: (n_steps, n_voxels) whether the spikes or values are in the bag; spikes that are
+            not are 0.
+        rate: control steps per second of wall time; NaN if the bag does not tell.
+        counts: one per topic, sorted by name; a topic that should be there and is not has lost
+            everything.
+        health: what each node said of itself, by its name; of all episodes.
+        poses: what the robot looked like; None if the bag has no markers.
+        physics: by which the body moved, one of `sim_node.model.physics.PHYSICS`, or
+            `sim_node.episode.UNKNOWN_PHYSICS`.
+    """
+
+    path: Path
+    closed: bool
+    robot: str
+    episode: int
+    n_episodes: int
+    voxel_names: tuple[str, ...]
+    centers: np.ndarray
+    readings: np.ndarray
+    actuation: np.ndarray
+    spikes: np.ndarray | None
+    values: np.ndarray | None
+    heard: np.ndarray
+    rate: float
+    counts: tuple[TopicCount, ...]
+    health: dict[str, NodeHealth]
+    poses: Poses | None = None
+    physics: str = UNNAMED_PHYSICS
+
+    @property
+    def n_steps(self) -> int:
+        """Return the number of control steps, the last one's number plus one."""
+        return len(self.centers)
+
+
+def read_bag(path: Path | str, episode: int = -1) -> Recording:
+    """Read one episode of the bag at `path`.
+
+    Args:
+        path: a rosbag2 folder, MCAP or sqlite3.
+        episode: which one, from 0, or from -1 backwards.
+
+    Raises:
+        InvalidInput: this is no bag, it is damaged, or not one of a walking robot; the text names
+            the bag, what is wrong and what was expected.
+    """
+    path = Path(path)
+    topics, closed = read_storage(path)
+    try:
+        robot = robot_of(topics)
+        kinds = _stamped_kinds(topics, robot)
+        streams = {name: decode(name, topics[name], kind) for name, kind in kinds.items()}
+        walked = int(streams[f'/{robot}/odometry'].steps.max(initial=0))
+        streams = {name: stream.until(walked) for name, stream in streams.items()}
+        reference = streams[f'/{robot}/odometry']
+        episode, n_episodes, streams = _one_episode(streams, f'/{robot}/odometry', episode)
+        health = read_health(topics, robot)
+        for name in _absent_topics(robot, streams, health):
+            streams[name] = Stream.empty(KINDS[name.rpartition('/')[2]])
+        arrays = _arrays(robot, streams)
+        poses = None
+        if f'/{robot}/markers' in topics:
+            poses = read_poses(
+                topics[f'/{robot}/markers'], streams[f'/{robot}/odometry'],
+                _bounds(reference, episode), len(arrays['voxel_names']),
+            )
+    except InvalidInput as error:
+        raise error.found_in(str(path)) from None
+    return Recording(
+        path=path, closed=closed, robot=robot, episode=episode, n_episodes=n_episodes,
+        rate=_rate(streams[f'/{robot}/odometry']),
+        counts=_counts(topics, streams, len(arrays['centers'])), health=health, poses=poses,
+        physics=_physics(streams), **arrays,
+    )
+
+
+def _physics(streams: dict[str, Stream]) -> str:
+    """Return the physics of the episode that most messages of voxels name: some may be forged."""
+    names = [s.names for topic, s in streams.items() if _VOXEL_TOPIC.search(topic)]
+    found, counts = np.unique(np.concatenate([np.zeros(0, 'S'), *names]), return_counts=True)
+    return physics_of_episode(bytes(found[counts.argmax()])) if len(found) else UNKNOWN_PHYSICS
+
+
+def _bounds(odometry: Stream, episode: int) -> tuple[float, float]:
+    """Return the wall times [ns] between which an episode happened."""
+    starts = odometry.starts()[1:]
+    edges = (odometry.times[starts - 1] + odometry.times[starts]) / 2
+    edges = np.concatenate([[-np.inf], edges, [np.inf]])
+    return edges[episode], edges[episode + 1]
+
+
+def robot_of(topics: dict[str, Topic]) -> str:
+    """Return the namespace of the robot of a bag; InvalidInput if there is none, or several."""
+    kind, end = KINDS['odometry'].type, '/odometry'
+    found = [
+        name[1 : -len(end)] for name, topic in topics.items()
+        if name.endswith(end) and topic.type == kind and topic.messages
+    ]
+    if len(found) != 1:
+        shown = f'odometry of {", ".join(found) or "none"} among {len(topics)} topics'
+        raise InvalidInput('robot', shown, f'one topic /<robot>/odometry of type {kind}')
+    return found[0]
+
+
+def _stamped_kinds(topics: dict[str, Topic], robot: str) -> dict[str, str]:
+    """Return name and kind of the topics of this robot that carry control steps."""
+    kinds = {f'/{robot}/odometry': 'odometry'}
+    for name in topics:
+        match = _VOXEL_TOPIC.fullmatch(name.removeprefix(f'/{robot}'))
+        if name == '/clock':
+            kinds[name] = 'clock'
+        elif match and name.startswith(f'/{robot}/'):
+            kinds[name] = match[2]
+    if len({'spikes', 'values'} & set(kinds.values())) == 2:
+        raise InvalidInput('messages of cells', 'spikes and values', 'one of both')
+    return kinds
+
+
+def _one_episode(
+    streams: dict[str, Stream], odometry: str, episode: int
+) -> tuple[int, int, dict[str, Stream]]:
+    """Return the number of the episode, how many there are, and the episode's streams."""
+    reference = streams[odometry]
+    starts = reference.starts()
+    n_episodes = len(starts)
+    if not -n_episodes <= episode < n_episodes:
+        raise InvalidInput('episode', episode, f'a number from 0 to {n_episodes - 1}')
+    number, resets = episode % n_episodes, reference.times[starts[1:] - 1]
+    return number, n_episodes, {k: s.episode(number, resets) for k, s in streams.items()}
+
+
+def _absent_topics(
+    robot: str, streams: dict[str, Stream], health: dict[str, NodeHealth]
+) -> set[str]:
+    """Return the stamped topics that such a robot has and that are not in the bag."""
+    spoken = {f'/{robot}/{node}/sensors' for node in health}
+    voxels = _voxel_names({*streams, *spoken})
+    kinds = {name.rpartition('/')[2] for name in streams} & {'spikes', 'values'}
+    expected = {
+        f'/{robot}/{voxel}/{kind}' for voxel in voxels for kind in ('sensors', 'actuation', *kinds)
+    }
+    return {'/clock', *expected} - set(streams)
+
+
+def _arrays(robot: str, streams: dict[str, Stream]) -> dict[str, Any]:
+    """Return the arrays of a `Recording`, and the names of its voxels."""
+    n_steps = _n_steps(streams)
+    voxels = _voxel_names(streams)
+    if not voxels:
+        raise InvalidInput('voxels', None, f'topics /{robot}/voxel_<x>_<y>/sensors')
+
+    def streams_of(kind: str) -> dict[int, Stream]:
+        found = {i: streams.get(f'/{robot}/{voxel}/{kind}') for i, voxel in enumerate(voxels)}
+        return {i: stream for i, stream in found.items() if stream and len(stream.steps)}
+
+    def table(kind: str, shape: tuple[int, ...], missing: float = np.nan) -> np.ndarray:
+        out = np.full((n_steps, len(voxels), *shape), missing)
+        for i, stream in streams_of(kind).items():
+            out[stream.steps, i] = stream.numbers
+        return out
+
+    odometry = streams[f'/{robot}/odometry']
+    centers = np.full((n_steps, 2), np.nan)
+    centers[odometry.steps] = odometry.numbers
+    spikes = values = None
+    heard = np.zeros((n_steps, len(voxels)), dtype=bool)
+    for kind in ('spikes', 'values'):
+        found = streams_of(kind)
+        for i, stream in found.items():
+            heard[stream.steps, i] = True
+        shapes = {stream.numbers.shape[1:] for stream in found.values()}
+        if len(shapes) > 1:
+            raise InvalidInput(kind, f'shapes {sorted(shapes)}', 'the same in all voxels')
+        if shapes and kind == 'spikes':
+            spikes = table(kind, shapes.pop(), 0.0).astype(np.uint8)
+        elif shapes:
+            values = table(kind, shapes.pop())[..., 0]
+    return {
+        'voxel_names': voxels, 'centers': centers, 'readings': table('sensors', (N_SENSORS,)),
+        'actuation': table('actuation', (1,))[..., 0], 'spikes': spikes, 'values': values,
+        'heard': heard,
+    }
+
+
+def _n_steps(streams: dict[str, Stream]) -> int:
+    last = max(int(stream.steps.max(initial=0)) for stream in streams.values())
+    longest = max(len(stream.steps) for stream in streams.values())
+    if last > 1000 + 100 * longest:
+        raise InvalidInput('stamps', f'step {last}', f'most of the steps; {longest} were found')
+    return last + 1
+
+
+def _voxel_names(streams: Iterable[str]) -> tuple[str, ...]:
+    """Return the voxels' names, row by row from the bottom."""
+    names = {match[1] for name in streams if (match := _VOXEL_TOPIC.search(name))}
+    return tuple(sorted(names, key=lambda name: [int(n) for n in name.split('_')[:0:-1]]))
+
+
+def _rate(odometry: Stream) -> float:
+    steps, seconds = np.ptp(odometry.steps), np.ptp(odometry.times) / 1e9
+    return float(steps / seconds) if seconds > 0 else float('nan')
+
+
+def _counts(
+    topics: dict[str, Topic], streams: dict[str, Stream], n_steps: int
+) -> tuple[TopicCount, ...]:
+    """Count messages; what a topic may not have sent any more at the last step is not lost."""
+    counts = []
+    for name in sorted({*topics, *streams}):
+        if name in streams:
+            steps = streams[name].steps
+            missing = np.setdiff1d(np.arange(n_steps - 1), steps)
+            counts.append(TopicCount(name, len(steps), missing, streams[name].refused))
+        else:
+            counts.append(TopicCount(name, len(topics[name].messages)))
+    return tuple(counts)

@@ -1,0 +1,184 @@
+"""Pictures: of a recorded walk, panel by panel, of scores and of histories."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backend_bases import FigureCanvasBase
+from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+
+from sim_node.control_time import CONTROL_RATE
+from sim_node.errors import InvalidInput
+from snca_ros.files import check_writable, write_atomically
+from snca_ros.recording.bag import Recording
+from snca_ros.recording.gait import area_ratios, spike_times
+
+WINDOW = 4.0
+"""What the lower panels show [s]: the end of the walk."""
+
+_BLUE, _GREY = '#0072B2', '0.55'
+_AREA_RANGE = 0.25
+
+
+def check_figure(path: Path) -> str:
+    """Return the format that the suffix of `path` names.
+
+    Raises:
+        InvalidInput: it names none, or `path` cannot be written.
+    """
+    kinds, kind = FigureCanvasBase.get_supported_filetypes(), path.suffix[1:].lower()
+    if kind not in kinds:
+        raise InvalidInput('figure', str(path), f'a name that ends in .{", .".join(kinds)}')
+    check_writable('figure', path)
+    return kind
+
+
+def write_figure(figure: Figure, path: Path) -> None:
+    """Write `figure` to `path`, atomically; its suffix tells the format.
+
+    Raises:
+        InvalidInput: `path` has an unknown suffix or cannot be written.
+    """
+    kind = check_figure(path)
+    try:
+        write_atomically(path, lambda file: figure.savefig(file, format=kind, dpi=120))
+    except OSError as error:
+        raise InvalidInput('figure', f'{path}: {error.strerror}', 'a place to write') from None
+
+
+def draw_scores(
+    controllers: Sequence[str], terrains: Sequence[str], scores: np.ndarray
+) -> Figure:
+    """Return a figure of v_x per terrain: large dots exact starts, small ones pushed starts.
+
+    Args:
+        controllers, terrains: their names.
+        scores: (n_controllers, n_terrains, 1 + n_pushed) v_x [m/s].
+    """
+    n = len(controllers)
+    figure = Figure(figsize=(7.0, 1.6 + len(terrains) * (0.2 + 0.1 * n)), layout='constrained')
+    axes = figure.subplots()
+    for i, (name, of_one) in enumerate(zip(controllers, scores, strict=True)):
+        rows = np.arange(len(terrains)) + 0.6 * ((i + 0.5) / n - 0.5)
+        color = f'C{i % 10}'
+        for pushed in of_one.T[1:]:
+            axes.plot(pushed, rows, '.', color=color, markersize=4, alpha=0.4)
+        label = f'{name}: mean {of_one[:, 0].mean():.3f} m/s'
+        axes.plot(of_one[:, 0], rows, 'o', color=color, markersize=6, label=label)
+    axes.set_yticks(range(len(terrains)), terrains, fontsize=8)
+    axes.invert_yaxis()
+    axes.grid(axis='x', linewidth=0.5)
+    axes.set_xlabel('v_x [m/s]')
+    figure.legend(loc='outside upper left', fontsize=8)
+    return figure
+
+
+def draw_histories(names: Sequence[str], tables: Sequence[np.ndarray]) -> Figure:
+    """Return a figure of runs: best v_x so far, and median and range of each generation.
+
+    Args:
+        names: of the runs.
+        tables: (n_generations, 6) of each, the columns of history.csv.
+    """
+    figure = Figure(figsize=(7.0, 4.0 + 0.15 * len(names)), layout='constrained')
+    axes = figure.subplots()
+    for i, (name, table) in enumerate(zip(names, tables, strict=True)):
+        _, evaluations, best, median, worst, best_so_far = np.where(
+            np.isfinite(table), table, np.nan
+        ).T
+        color = f'C{i % 10}'
+        axes.fill_between(evaluations, worst, best, color=color, alpha=0.12, linewidth=0)
+        axes.plot(evaluations, median, color=color, linewidth=0.8)
+        axes.step(evaluations, best_so_far, where='post', color=color, linewidth=1.8, label=name)
+    axes.set(xlabel='evaluations', ylabel='v_x [m/s]')
+    axes.set_title('best so far (bold), median and range of a generation', loc='left', fontsize=9)
+    axes.grid(linewidth=0.4, alpha=0.5)
+    figure.legend(loc='outside upper left', fontsize=8)
+    return figure
+
+
+def draw_recording(recording: Recording) -> Figure:
+    """Return a figure of three panels: trajectory, area ratios, raster of messages.
+
+    The last two share their time axis, the end of the walk, so that single spikes can be seen.
+    """
+    n_rows = min(len(recording.voxel_names), 40)
+    figure = Figure(figsize=(10.0, 3.6 + 0.55 * n_rows), layout='constrained')
+    heights = [2.0, 0.6 + 0.2 * n_rows, 0.6 + 0.35 * n_rows]
+    trajectory, areas, messages = figure.subplots(3, 1, height_ratios=heights)
+    first = max(0, recording.n_steps - 1 - round(WINDOW * CONTROL_RATE))
+    _draw_trajectory(trajectory, recording)
+    _draw_areas(areas, recording, first)
+    _draw_messages(messages, recording, first)
+    for axes in (areas, messages):
+        axes.set_xlim(first / CONTROL_RATE, max(1, recording.n_steps - 1) / CONTROL_RATE)
+    areas.tick_params(labelbottom=False)
+    messages.set_xlabel('time [s]')
+    return figure
+
+
+def _draw_trajectory(axes: Axes, recording: Recording) -> None:
+    x, y = recording.centers.T
+    axes.plot(x, y, color=_BLUE, linewidth=1.0)
+    every = 5 * CONTROL_RATE * (1 + len(x) // (60 * CONTROL_RATE))
+    marks = np.arange(0, len(x), every)
+    axes.plot(x[marks], y[marks], 'o', color=_BLUE, markersize=4)
+    for k in marks:
+        if np.isfinite(x[k]):
+            axes.annotate(
+                f'{k // CONTROL_RATE} s', (x[k], y[k]), xytext=(3, 4),
+                textcoords='offset points', fontsize=8,
+            )
+    axes.margins(y=0.25)
+    axes.set(xlabel='x [m]', ylabel='height [m]')
+    axes.set_title(f'{recording.robot}: trajectory of the centre', loc='left')
+
+
+def _draw_areas(axes: Axes, recording: Recording, first: int) -> None:
+    ratios = area_ratios(recording.readings[first:])
+    image = _draw_rows(axes, ratios, first, 1.0 - _AREA_RANGE, 1.0 + _AREA_RANGE)
+    axes.figure.colorbar(image, ax=axes, label='area / area at rest', extend='both', pad=0.01)
+    axes.set_yticks(range(ratios.shape[1]), recording.voxel_names, fontsize=8)
+    axes.set_title('Area ratios of the voxels', loc='left')
+
+
+def _draw_messages(axes: Axes, recording: Recording, first: int) -> None:
+    """Draw spikes, or values where cells send values, from step `first` on."""
+    n_voxels, n_channels = len(recording.voxel_names), 1
+    title = 'No messages between voxels'
+    if recording.spikes is not None:
+        n_channels = recording.spikes.shape[2]
+        times, row = spike_times(recording.spikes[first:])
+        size = max(1.5, 130.0 / (n_voxels * n_channels))
+        axes.plot(
+            first / CONTROL_RATE + times, row, '|', color='black', rasterized=True,
+            markersize=size, markeredgewidth=0.6,
+        )
+        title = f'Spikes that the voxels send, {n_channels} channels each'
+    elif recording.values is not None:
+        n_channels = recording.values.shape[2]
+        values = recording.values[first:].reshape(-1, n_voxels * n_channels)
+        image = _draw_rows(axes, values, first, -1.0, 1.0)
+        axes.figure.colorbar(image, ax=axes, label='value', pad=0.01)
+        title = f'Values that the voxels send, {n_channels} channels each'
+    for edge in range(1, n_voxels):
+        axes.axhline(edge * n_channels - 0.5, color=_GREY, linewidth=0.5)
+    middles = n_channels * (np.arange(n_voxels) + 0.5) - 0.5
+    axes.set_yticks(middles, recording.voxel_names, fontsize=8)
+    axes.set_ylim(-0.5, n_voxels * n_channels - 0.5)
+    axes.set_title(title, loc='left')
+
+
+def _draw_rows(
+    axes: Axes, numbers: np.ndarray, first: int, low: float, high: float
+) -> AxesImage:
+    """Draw (n_steps, n_rows) numbers as rows of colours; grey where there is none."""
+    n_steps, n_rows = numbers.shape
+    axes.set_facecolor(_GREY)
+    return axes.imshow(
+        numbers.T, aspect='auto', origin='lower', cmap='PuOr', interpolation='nearest',
+        vmin=low, vmax=high,
+        extent=(first / CONTROL_RATE, (first + n_steps) / CONTROL_RATE, -0.5, n_rows - 0.5),
+    )

@@ -1,0 +1,178 @@
+"""How a robot walked: velocity, rhythm and firing rates of a recording."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_node.control_time import CONTROL_RATE
+from snca_ros.cell.coding import SNN_STEPS
+from snca_ros.evolution.episode import TRANSIENT, mean_velocity
+from snca_ros.recording.bag import Recording
+
+VIBRATION = 8.0
+"""Frequency [Hz] above which actuation counts as vibration: a voxel contracts and expands again in
+less than 7.5 control steps."""
+
+_AREA_LOW, _AREA_HIGH = 0.5, 1.5  # range of the area reading's soft normalisation
+
+
+@dataclass(frozen=True, eq=False)
+class Gait:
+    """What a recording tells about a walk.
+
+    Attributes:
+        velocity: mean v_x [m/s] after the transient; of the whole walk if it is shorter.
+        distance: between the first and the last place of the centre, in x [m].
+        duration: between the first and the last control step [s].
+        firing_rates: (n_voxels,) mean rate of the channels that a voxel sends [Hz]; None if the
+            cells do not spike.
+        frequencies: (n_voxels,) dominant frequency of the actuation [Hz]; 0 if it is constant.
+        frequency: the same of all voxels together [Hz].
+    """
+
+    velocity: float
+    distance: float
+    duration: float
+    firing_rates: np.ndarray | None
+    frequencies: np.ndarray
+    frequency: float
+
+
+def measure_gait(recording: Recording) -> Gait:
+    """Return the gait of `recording`."""
+    x = recording.centers[:, 0]
+    known = np.flatnonzero(np.isfinite(x))
+    first, last = int(known[0]), int(known[-1])
+    walked = bridge_gaps(x[first : last + 1])
+    steady = steady_part(recording.actuation)
+    rates = None
+    if recording.spikes is not None:
+        rates = firing_rates(recording.spikes, recording.heard)
+    return Gait(
+        velocity=mean_velocity(walked, max(0.0, TRANSIENT - first / CONTROL_RATE)),
+        distance=float(x[last] - x[first]),
+        duration=(last - first) / CONTROL_RATE,
+        firing_rates=rates,
+        frequencies=peak_frequency(power_spectrum(steady), len(steady)),
+        frequency=dominant_frequency(steady),
+    )
+
+
+def steady_part(actuation: np.ndarray, transient: float = TRANSIENT) -> np.ndarray:
+    """Return the (n_steps, n_voxels) actuation after the transient [s]; all of it if it is shorter.
+
+    Gaps (NaN) are bridged.
+    """
+    known = np.flatnonzero(np.isfinite(actuation).any(axis=1))
+    actuation = bridge_gaps(actuation[: known[-1] + 1 if len(known) else 1])
+    first = round(transient * CONTROL_RATE)
+    return actuation[first if len(actuation) > first + 1 else 0 :]
+
+
+def dominant_frequency(actuation: np.ndarray) -> float:
+    """Return the frequency [Hz] at which the power of all voxels together peaks, or 0.
+
+    Args:
+        actuation: (n_steps, n_voxels), without gaps.
+    """
+    power = power_spectrum(actuation).sum(axis=1, keepdims=True)
+    return float(peak_frequency(power, len(actuation))[0])
+
+
+def vibration_share(actuation: np.ndarray) -> float:
+    """Return the share of the power of all voxels together above `VIBRATION`, 0 to 1.
+
+    It is 0 where nothing swings.
+
+    Args:
+        actuation: (n_steps, n_voxels), without gaps.
+    """
+    n = len(actuation)
+    power = power_spectrum(actuation).sum(axis=1)
+    if not _swings(power, n):
+        return 0.0
+    if n % 2 == 0:
+        power[-1] /= 2.0  # all other frequencies have their mirror image beyond the highest
+    fast = np.arange(len(power)) * CONTROL_RATE / n > VIBRATION
+    return float(power[fast].sum() / power.sum())
+
+
+def bridge_gaps(signal: np.ndarray) -> np.ndarray:
+    """Return (n_steps, ...) numbers with every NaN replaced by the line between its neighbours.
+
+    Beyond the first and the last number that is known, it is repeated; nothing known gives 0.
+    """
+    if np.isfinite(signal).all():
+        return signal
+    out, steps = np.zeros_like(signal), np.arange(len(signal))
+    for column in np.ndindex(signal.shape[1:]):
+        at = (slice(None), *column)
+        known = np.isfinite(signal[at])
+        if known.any():
+            out[at] = np.interp(steps, steps[known], signal[at][known])
+    return out
+
+
+def firing_rates(spikes: np.ndarray, heard: np.ndarray) -> np.ndarray:
+    """Return the mean firing rate of each voxel's channels, (n_voxels,) [Hz].
+
+    Args:
+        spikes: (n_steps, n_voxels, n_channels, 16), 0 or 1.
+        heard: (n_steps, n_voxels) which of them count; NaN for a voxel of which none does.
+    """
+    counts = np.where(heard[:, :, None, None], spikes, 0).sum(axis=(0, 3)).mean(axis=1)
+    seconds = heard.sum(axis=0) / CONTROL_RATE
+    return np.divide(counts, seconds, out=np.full(len(counts), np.nan), where=seconds > 0)
+
+
+def power_spectrum(signal: np.ndarray) -> np.ndarray:
+    """Return the power of (n_steps, n) signals without their linear trends, (n_steps//2 + 1, n).
+
+    Row i belongs to i periods in n_steps.
+    """
+    n = len(signal)
+    time = np.arange(n) - (n - 1) / 2.0
+    signal = signal - signal.mean(axis=0)
+    slope = time @ signal / max(time @ time, 1.0)
+    power = np.abs(np.fft.rfft(signal - np.outer(time, slope), axis=0)) ** 2
+    power[0] = 0.0
+    return power
+
+
+def peak_frequency(power: np.ndarray, n_steps: int) -> np.ndarray:
+    """Return the frequency [Hz] at which each column of a `power_spectrum` peaks.
+
+    It is 0 where nothing but rounding errors is left of the signal.
+    """
+    peak = power.argmax(axis=0)
+    frequency = peak * CONTROL_RATE / max(n_steps, 1)
+    return np.where(_swings(power, n_steps), frequency, 0.0)
+
+
+def _swings(power: np.ndarray, n_steps: int) -> np.ndarray:
+    """Tell of which columns of a `power_spectrum` more than rounding errors is left."""
+    return power.max(axis=0) > (1e-9 * n_steps) ** 2
+
+
+def area_ratios(readings: np.ndarray) -> np.ndarray:
+    """Return the voxels' area over area at rest from their readings, (n_steps, n_voxels).
+
+    The inverse of the sensor's soft normalisation; a reading at the very end of its range stands
+    for all beyond it.
+
+    Args:
+        readings: (n_steps, n_voxels, 4).
+    """
+    inside = np.clip(readings[..., 0], 1e-12, 1.0 - 1e-12)
+    u = (np.arctanh(2.0 * inside - 1.0) / 2.0 + 1.0) / 2.0
+    return _AREA_LOW + (_AREA_HIGH - _AREA_LOW) * u
+
+
+def spike_times(spikes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return time [s] and row of every spike; row = voxel * n_channels + channel.
+
+    Args:
+        spikes: (n_steps, n_voxels, n_channels, 16).
+    """
+    step, voxel, channel, h = np.nonzero(spikes)
+    return (step + h / SNN_STEPS) / CONTROL_RATE, voxel * spikes.shape[2] + channel

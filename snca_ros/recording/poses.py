@@ -1,0 +1,105 @@
+"""What a robot looked like, and on what ground: the markers of a bag."""
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from rosbags.typesys import Stores, get_typestore
+
+from sim_node.errors import InvalidInput
+from snca_ros.recording.storage import Topic
+from snca_ros.recording.streams import Stream
+
+_TYPE = 'visualization_msgs/msg/MarkerArray'
+_PERIOD = 2  # control steps between the poses that the simulation tells
+_CORNERS = [0, 1, 2, 5]  # of the two triangles that make a voxel
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """A robot's outline at some control steps of an episode.
+
+    Attributes:
+        steps: (n_poses,) control steps, increasing.
+        corners: (n_poses, n_voxels, 4, 2) outer corners x, y [m] of the voxels.
+        ground: (n_points, 2) profile x, y [m] of the terrain.
+    """
+
+    steps: np.ndarray
+    corners: np.ndarray
+    ground: np.ndarray
+
+
+def read_poses(
+    topic: Topic, odometry: Stream, between: tuple[float, float], n_voxels: int
+) -> Poses | None:
+    """Return the poses of an episode, or None if the topic does not tell robot and ground.
+
+    Markers carry no control step. If none is missing their number tells it, else the time of
+    their arrival does, to a step or two.
+
+    Args:
+        topic: the markers of a bag.
+        odometry: of the episode.
+        between: wall times [ns] between which the episode's markers came.
+        n_voxels: of the robot.
+
+    Raises:
+        InvalidInput: the topic is of another type.
+    """
+    if topic.type != _TYPE:
+        raise InvalidInput('type of markers', topic.type, _TYPE)
+    corners, times, ground = _read(topic, n_voxels)
+    mine = (times > between[0]) & (times < between[1])
+    if ground is None or not mine.any():
+        return None
+    corners, times = corners[mine], times[mine]
+    steps = _PERIOD * np.arange(len(times))
+    if len(times) != int(odometry.steps[-1]) // _PERIOD + 1:
+        newest = np.searchsorted(odometry.times, times, side='right') - 1
+        steps = odometry.steps[np.maximum(newest, 0)] // _PERIOD * _PERIOD
+        steps, first = np.unique(steps, return_index=True)
+        corners = corners[first]
+    return Poses(steps, corners, ground)
+
+
+def _read(topic: Topic, n_voxels: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Return the corners, the time of each, and the ground.
+
+    Messages that begin with the same bytes up to their points hold as many of them, in the same
+    place: only the first is deserialised.
+    """
+    n = 6 * n_voxels
+    found, times, ground = [], [], None
+    head, size = b'', -1
+    for time, data in zip(topic.times.tolist(), topic.messages, strict=True):
+        if len(data) != size or not data.startswith(head):
+            markers = _markers(data)
+            if 'ground' in markers:
+                ground = markers['ground'][:, [0, 2]]
+            if len(markers.get('voxels', ())) != n:
+                continue
+            head, size = data[: data.index(markers['voxels'].tobytes())], len(data)
+        found.append(np.frombuffer(data, np.float64, 3 * n, len(head)))
+        times.append(time)
+    corners = np.array(found).reshape(-1, n_voxels, 6, 3)[:, :, _CORNERS][..., [0, 2]]
+    return corners, np.array(times, dtype=np.int64), ground
+
+
+def _markers(data: bytes) -> dict[str, np.ndarray]:
+    """Return the (n, 3) points of each marker of a message by its namespace."""
+    try:
+        found = _types().deserialize_cdr(data, _TYPE).markers
+    except Exception:  # another's bytes of another layout, which no viewer shows either
+        return {}
+    return {marker.ns: _points(marker.points) for marker in found}
+
+
+def _points(points: Sequence) -> np.ndarray:
+    return np.array([(p.x, p.y, p.z) for p in points], dtype=np.float64).reshape(-1, 3)
+
+
+@functools.cache
+def _types():
+    return get_typestore(Stores.ROS2_JAZZY)

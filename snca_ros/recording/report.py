@@ -1,0 +1,209 @@
+"""The `report` command: what a bag tells about a walk, as text, figure and JSON."""
+
+import argparse
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+
+from sim_node.control_time import CONTROL_RATE
+from sim_node.errors import InvalidInput
+from snca_ros.evolution.episode import TRANSIENT
+from snca_ros.files import check_writable, write_text
+from snca_ros.recording.bag import Recording, TopicCount, read_bag
+from snca_ros.recording.diagnostics import OUTCOMES
+from snca_ros.recording.gait import Gait, measure_gait
+
+EXAMPLES = """
+  snca report bags/mine
+  snca report bags/mine --json walk.json --figure walk.svg
+  snca report bags/mine --html                      # a page that plays the walk
+  snca report bags/mine --episode 0                 # of a bag with resets
+"""
+
+_SHOWN_STEPS = 5
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line of `report`."""
+    parser.add_argument('bag', type=Path, metavar='BAG', help='rosbag2 folder, MCAP or sqlite3')
+    parser.add_argument('--figure', type=Path, metavar='FILE',
+                        help='picture to draw, .png, .svg or .pdf (default BAG/report.png)')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the numbers here too')
+    parser.add_argument('--html', type=Path, nargs='?', const=True, metavar='FILE',
+                        help='page that plays the walk (default BAG/replay.html)')
+    parser.add_argument('--controller', metavar='CONTROLLER',
+                        help='that walked in the bag: adds thresholds to the page')
+    parser.add_argument('--episode', type=int, default=-1, metavar='N',
+                        help='of a bag with resets, from 0 (default: the last)')
+
+
+def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Report as the command line says; return the exit code."""
+    # matplotlib loads slowly
+    from snca_ros.recording.figures import check_figure, draw_recording, write_figure
+
+    if args.figure:
+        check_figure(args.figure)
+    if args.json:
+        check_writable('json', args.json)
+    recording = read_bag(args.bag, args.episode)
+    gait = measure_gait(recording)
+    lines = [*_gait_lines(recording, gait), '', *_count_lines(recording), *_link_lines(recording)]
+    print('\n'.join(lines), flush=True)
+    if args.json:
+        try:
+            write_text(args.json, json.dumps(as_dict(recording, gait), indent=2) + '\n')
+        except OSError as error:
+            shown = f'{args.json}: {error.strerror}'
+            raise InvalidInput('json', shown, 'a file that can be written') from None
+    figure = args.figure or args.bag / 'report.png'
+    write_figure(draw_recording(recording), figure)
+    print(f'\nfigure: {figure}')
+    if args.html:
+        from snca_ros.web.replay import write_bag_page
+
+        page = args.bag / 'replay.html' if args.html is True else args.html
+        write_bag_page(recording, page, args.controller)
+    return 0
+
+
+def as_dict(recording: Recording, gait: Gait) -> dict[str, object]:
+    """Return everything that a report tells, ready for JSON; what is unknown is None."""
+    rates = gait.firing_rates
+    return {
+        'bag': str(recording.path),
+        'closed': recording.closed,
+        'robot': recording.robot,
+        'physics': recording.physics,
+        'episode': recording.episode,
+        'n_episodes': recording.n_episodes,
+        'v_x': _number(gait.velocity),
+        'distance': gait.distance,
+        'duration': gait.duration,
+        'frequency': gait.frequency,
+        'steps_per_second': _number(recording.rate),
+        'voxels': {
+            voxel: {
+                'firing_rate': None if rates is None else _number(rates[i]),
+                'frequency': float(gait.frequencies[i]),
+            }
+            for i, voxel in enumerate(recording.voxel_names)
+        },
+        'topics': {
+            count.topic: {
+                'sent': None if count.missing is None else count.sent,
+                'received': count.received,
+                'lost': None if count.missing is None else count.lost,
+                'refused': count.refused,
+            }
+            for count in recording.counts
+        },
+        'nodes': {
+            node: {
+                'lives': health.lives,
+                'figures': dict(health.figures),
+                'links': {
+                    topic: dict(zip(OUTCOMES, counts, strict=True))
+                    for topic, counts in health.links.items()
+                },
+            }
+            for node, health in recording.health.items()
+        },
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _gait_lines(recording: Recording, gait: Gait) -> list[str]:
+    lines = [
+        f'{recording.path}: {recording.robot}, {len(recording.voxel_names)} voxels, '
+        f'{recording.n_steps - 1} control steps'
+    ]
+    if not recording.closed:
+        lines.append('the recorder did not finish this bag: what it had written is read')
+    if recording.n_episodes > 1:
+        lines.append(f'episode {recording.episode} of 0 to {recording.n_episodes - 1} (resets)')
+    scored = f'after the first {TRANSIENT:g} s' if gait.duration > TRANSIENT else 'whole walk'
+    lines += [
+        f'v_x        {gait.velocity!r} m/s ({scored})',
+        f'distance   {gait.distance:.3f} m in {gait.duration:.3f} s',
+        f'physics    {recording.physics}',
+        f'rhythm     {gait.frequency:.2f} Hz, where the actuation of all voxels peaks',
+    ]
+    if math.isfinite(recording.rate):
+        factor = recording.rate / CONTROL_RATE
+        lines.append(
+            f'speed      {recording.rate:.1f} steps/s, {factor:.2f} times real time'
+        )
+    lines += _step_time_lines(recording)
+    lines += ['', f'{"voxel":16}{"firing rate [Hz]":>18}{"actuation peak [Hz]":>21}']
+    rates = gait.firing_rates
+    for i, voxel in enumerate(recording.voxel_names):
+        rate = '-' if rates is None or np.isnan(rates[i]) else f'{rates[i]:.1f}'
+        lines.append(f'{voxel:16}{rate:>18}{gait.frequencies[i]:>21.2f}')
+    return lines
+
+
+def _step_time_lines(recording: Recording) -> list[str]:
+    if 'sim_node' not in recording.health:
+        return []
+    figures = recording.health['sim_node'].figures
+    times = [f'{figures.get(f"step time {name} [ms]", math.nan):.2f} ms {name}'
+             for name in ('p50', 'p99', 'max')]
+    line = f'step time  {", ".join(times)}'
+    if 'missed deadlines' in figures:
+        line += f'; {figures["missed deadlines"]:.0f} missed deadlines'
+    return [line]
+
+
+def _link_lines(recording: Recording) -> list[str]:
+    """Return what the nodes say came over their links, per kind of topic, and what did not."""
+    links = [
+        (topic, node, counts) for node, health in sorted(recording.health.items())
+        for topic, counts in health.links.items()
+    ]
+    if not links:
+        return []
+    lines = ['', f'{"links":16}' + ''.join(f'{outcome:>10}' for outcome in OUTCOMES)]
+    for kind in sorted({topic.rpartition('/')[2] for topic, *_ in links}):
+        mine = [counts for topic, _, counts in links if topic.endswith(f'/{kind}')]
+        lines.append(f'{kind:16}' + ''.join(f'{sum(c):>10}' for c in zip(*mine, strict=True)))
+    for topic, node, (_, late, lost) in links:
+        if late or lost:
+            lines.append(f'{topic} at {node}: {late} late, {lost} lost')
+    lives = {node: h.lives for node, h in sorted(recording.health.items()) if h.lives > 1}
+    lines += [f'{node} was started {n} times' for node, n in lives.items()]
+    return lines
+
+
+def _count_lines(recording: Recording) -> list[str]:
+    """Return messages per kind of topic, in total, and the topics that lost any."""
+    numbered = [c for c in recording.counts if c.missing is not None]
+    others = [c for c in recording.counts if c.missing is None]
+    lines = [f'{"messages":16}{"sent":>10}{"received":>10}{"lost":>10}']
+    for kind in sorted({c.kind for c in numbered}):
+        lines.append(_count_line(kind, [c for c in numbered if c.kind == kind]))
+    lines.append(_count_line('total', numbered))
+    for count in numbered:
+        if count.missing is not None and count.lost:
+            lines.append(f'lost on {count.topic}: {_steps(count.missing)}')
+        if count.refused:
+            lines.append(f'refused on {count.topic}: {count.refused} that no node uses')
+    if others:
+        shown = ', '.join(f'{c.topic} {c.received}' for c in others)
+        lines.append(f'without control step, so nobody can tell: {shown}')
+    return lines
+
+
+def _count_line(name: str, counts: list[TopicCount]) -> str:
+    sent, received = sum(c.sent for c in counts), sum(c.received for c in counts)
+    return f'{name:16}{sent:>10}{received:>10}{sent - received:>10}'
+
+
+def _steps(missing: np.ndarray) -> str:
+    shown = ', '.join(str(k) for k in missing[:_SHOWN_STEPS])
+    return f'{len(missing)} (steps {shown}{", ..." if len(missing) > _SHOWN_STEPS else ""})'

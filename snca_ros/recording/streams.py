@@ -1,0 +1,173 @@
+"""The stamped topics of a bag as numbers over control steps, cut into episodes."""
+
+import functools
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from rosbags.typesys import Stores, get_typestore
+
+from sim_node.control_time import step_of_stamp
+from sim_node.episode import episode_of
+from sim_node.errors import InvalidInput
+from sim_node.model.sensors import N_SENSORS
+from snca_ros.cell.coding import SNN_STEPS
+from snca_ros.recording.storage import Topic
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """Messages of one topic.
+
+    Attributes:
+        steps: (n,) control steps from their stamps, in the order of their arrival.
+        times: (n,) wall time of their arrival [ns].
+        numbers: (n, ...) what they say.
+        names: (n,) bytes, of the simulation's episode in their frame; empty if there is none.
+        refused: messages besides that are not what they should be; the nodes did not use them.
+    """
+
+    steps: np.ndarray
+    times: np.ndarray
+    numbers: np.ndarray
+    names: np.ndarray
+    refused: int = 0
+
+    @classmethod
+    def empty(cls, kind: 'Kind') -> 'Stream':
+        """Return the stream of a topic of which nothing came."""
+        none = np.zeros(0, dtype=np.int64)
+        return cls(none, none, np.zeros((0, *np.maximum(kind.shape, 0))), none.astype('S'))
+
+    def starts(self) -> np.ndarray:
+        """Return the index of the first message, and of those after the stamps went back."""
+        return np.flatnonzero(np.diff(self.steps, prepend=np.iinfo(np.int64).max) < 0)
+
+    def episode(self, number: int, resets: np.ndarray) -> 'Stream':
+        """Return the messages of one episode, at most one per control step.
+
+        A reset reaches every topic at another moment: a late answer may follow the robot's step
+        0. So a topic's messages since its own last going back count as one, and belong to the
+        episode in which the first of them came.
+
+        Args:
+            number: of the episode, from 0.
+            resets: (n_episodes - 1,) wall time [ns] of the robot's last word before each reset.
+        """
+        starts = self.starts()
+        lengths = np.diff(starts, append=len(self.steps))
+        of_message = np.repeat(np.searchsorted(resets, self.times[starts]), lengths)
+        mine = np.flatnonzero(of_message == number)
+        steps, first = np.unique(self.steps[mine], return_index=True)
+        kept = mine[first]
+        return Stream(
+            steps, self.times[kept], self.numbers[kept], self.names[kept], self.refused
+        )
+
+    def until(self, step: int) -> 'Stream':
+        """Return the messages up to a step; to refuse what is stamped later."""
+        kept = self.steps <= step
+        return Stream(
+            self.steps[kept], self.times[kept], self.numbers[kept], self.names[kept],
+            self.refused + int((~kept).sum()),
+        )
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What messages of a kind of topic are: their type, and how their numbers are read."""
+
+    type: str
+    read: Callable[[Any], object]
+    shape: tuple[int, ...]  # of the numbers; -1: any, but the same in all messages
+    of_voxel: bool = True  # its frame is the voxel's
+
+
+def decode(name: str, topic: Topic, kind: str) -> Stream:
+    """Return the messages of `topic`, which is called `name`, as numbers.
+
+    Args:
+        kind: one of `KINDS`.
+
+    Raises:
+        InvalidInput: its type is not what it should be, or none of its messages is.
+    """
+    expected = KINDS[kind]
+    if topic.type != expected.type:
+        raise InvalidInput(f'type of {name}', topic.type, expected.type)
+    found: list[tuple[int, int, np.ndarray, bytes]] = []
+    reason: Exception | None = None
+    for time, data in zip(topic.times.tolist(), topic.messages, strict=True):
+        try:
+            step, numbers, episode = _read(name, expected, data)
+        except Exception as error:  # whatever rosbags and numpy say about bytes of another layout
+            reason = error
+        else:
+            found.append((step, time, numbers, episode))
+    if not found and reason is not None:
+        text = ' '.join(str(reason).split())
+        raise InvalidInput(name, text, f'{topic.type} of shape {expected.shape}')
+    shapes = Counter(numbers.shape for _, _, numbers, _ in found)
+    shape = shapes.most_common(1)[0][0] if shapes else tuple(np.maximum(expected.shape, 0))
+    good = [entry for entry in found if entry[2].shape == shape]
+    return Stream(
+        np.array([step for step, *_ in good], dtype=np.int64),
+        np.array([time for _, time, *_ in good], dtype=np.int64),
+        np.array([numbers for _, _, numbers, _ in good]).reshape(len(good), *shape),
+        np.array([episode for *_, episode in good], dtype='S'),
+        len(topic.messages) - len(good),
+    )
+
+
+def _read(name: str, kind: Kind, data: bytes) -> tuple[int, np.ndarray, bytes]:
+    """Return step, numbers and the name of the episode; some exception if a message is wrong."""
+    message = _types().deserialize_cdr(data, kind.type)
+    stamp = message.clock if kind is KINDS['clock'] else message.header.stamp
+    voxel = name.split('/')[-2]
+    if kind.of_voxel and message.header.frame_id.partition('@')[0] != voxel:
+        raise InvalidInput('frame_id', message.header.frame_id, voxel)
+    numbers = np.array(kind.read(message))
+    fits = len(numbers.shape) == len(kind.shape) and all(
+        want in (-1, have) for want, have in zip(kind.shape, numbers.shape, strict=True)
+    )
+    if not fits:
+        raise InvalidInput('shape', numbers.shape, str(kind.shape))
+    if not np.isfinite(numbers).all():
+        raise InvalidInput('numbers', 'one that is not finite', 'finite numbers')
+    episode = episode_of(message.header.frame_id) if kind.of_voxel else b''
+    return step_of_stamp(stamp.sec, stamp.nanosec), numbers, episode
+
+
+@functools.cache
+def _types():
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+def _spikes(message) -> np.ndarray:
+    """Return (channels, 16) uint8, 0 or 1."""
+    pixels = _pixels(message, 'mono8', np.uint8)
+    if not ((pixels == 0) | (pixels == 255)).all():
+        raise InvalidInput('data', 'other pixels', '0 or 255 in every pixel')
+    return pixels // 255
+
+
+def _pixels(message, encoding: str, dtype: type) -> np.ndarray:
+    if message.encoding != encoding:
+        raise InvalidInput('encoding', message.encoding, encoding)
+    return message.data.view(dtype).reshape(message.height, message.width)
+
+
+KINDS = {
+    'odometry': Kind(
+        'nav_msgs/msg/Odometry', lambda m: (m.pose.pose.position.x, m.pose.pose.position.z), (2,),
+        of_voxel=False,
+    ),
+    'clock': Kind('rosgraph_msgs/msg/Clock', lambda m: (), (0,), of_voxel=False),
+    'sensors': Kind('sensor_msgs/msg/JointState', lambda m: m.position, (N_SENSORS,)),
+    'actuation': Kind('sensor_msgs/msg/JointState', lambda m: m.position, (1,)),
+    'spikes': Kind('sensor_msgs/msg/Image', _spikes, (-1, SNN_STEPS)),
+    'values': Kind('sensor_msgs/msg/Image', lambda m: _pixels(m, '64FC1', np.float64), (-1, 1)),
+}
+"""The topics that carry control steps, by the last part of their name."""

@@ -1,0 +1,88 @@
+"""What a robot looks like at some moments of a walk: of a controller, or of a bag."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sim_node.control_time import CONTROL_RATE
+from sim_node.drawing import area_colors
+from sim_node.errors import InvalidInput
+from sim_node.model.terrain import Terrain
+from snca_ros.controller_file import TrainedController
+from snca_ros.recording.bag import Recording, read_bag
+from snca_ros.recording.gait import area_ratios, bridge_gaps
+from snca_ros.recording.offline import record_offline
+
+_FAR = 1e6  # m; nothing further away can be drawn
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """A robot at some moments of its walk.
+
+    Attributes:
+        times: (n_frames,) [s].
+        centers: (n_frames, 2) centre of mass [m].
+        corners: (n_frames, n_voxels, 4, 2) outer corners of the voxels [m].
+        colors: (n_frames, n_voxels, 4) RGBA in [0, 1]: the area that each voxel senses.
+        terrain: the ground.
+    """
+
+    times: np.ndarray
+    centers: np.ndarray
+    corners: np.ndarray
+    colors: np.ndarray
+    terrain: Terrain
+
+
+def shoot(trained: TrainedController, terrain: str, moments: np.ndarray) -> Film:
+    """Let the robot walk and keep what it looks like at `moments` [s], which increase.
+
+    Raises:
+        InvalidInput: the terrain is unknown, or the physics diverges with this controller.
+    """
+    # One step more than is shown: readings are those that a step begins with.
+    recording, _ = record_offline(trained, Path(), moments[-1] + 1 / CONTROL_RATE, terrain)
+    return film_of(recording, moments)
+
+
+def read_film(path: Path, moments: np.ndarray) -> Film:
+    """Return what the robot of a bag looked like at `moments` [s] of its last episode.
+
+    Args:
+        path: of the bag.
+        moments: [s], increasing.
+
+    Raises:
+        InvalidInput: there is no bag, it has no markers of a robot, or ends before all moments.
+    """
+    try:
+        return film_of(read_bag(path), moments)
+    except InvalidInput as error:
+        raise error.found_in(str(path)) from None
+
+
+def film_of(recording: Recording, moments: np.ndarray) -> Film:
+    """Return what the robot of a recording looked like at `moments` [s], which increase.
+
+    A pose is shown until the next comes, in a bag a 30th of a second later. A film ends with its
+    recording.
+    """
+    poses = recording.poses
+    if poses is None:
+        raise InvalidInput('markers', None, 'those that the simulation sends')
+    wanted = np.round(moments * CONTROL_RATE).astype(int)
+    wanted = wanted[wanted < recording.n_steps]
+    if not len(wanted):
+        end = (recording.n_steps - 1) / CONTROL_RATE
+        raise InvalidInput('start', moments[0], f'at most {end:.2f} s, the end of the walk')
+    shown = np.maximum(np.searchsorted(poses.steps, wanted, side='right') - 1, 0)
+    corners, steps = poses.corners[shown], poses.steps[shown]
+    if not (np.abs(corners) < _FAR).all() or not (np.abs(poses.ground) < _FAR).all():
+        raise InvalidInput('markers', 'points far away or nowhere', f'within {_FAR:g} m')
+    colors = area_colors(area_ratios(bridge_gaps(recording.readings)[steps]))
+    return Film(
+        wanted / CONTROL_RATE, bridge_gaps(recording.centers)[steps], corners, colors,
+        Terrain('recorded', *poses.ground.T),
+    )

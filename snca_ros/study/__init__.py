@@ -1,1 +1,0 @@
-"""Studying recorded walks: bags, gaits, figures and reports; nothing in here needs ROS."""

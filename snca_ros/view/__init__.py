@@ -1,1 +1,0 @@
-"""The page that shows a walk: what it is made of, and the commands that make it."""

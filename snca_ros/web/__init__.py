@@ -1,0 +1,1 @@
+"""Pages that play a walk, recorded or live."""

@@ -1,0 +1,163 @@
+"""A recording as what the page draws: a frame per two control steps, numbers as few bytes."""
+
+import base64
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_node.control_time import CONTROL_RATE
+from sim_node.errors import InvalidInput
+from snca_ros.recording.bag import Recording
+from snca_ros.recording.gait import area_ratios, bridge_gaps
+from snca_ros.recording.poses import Poses
+
+FRAME_STEPS = 2
+"""Control steps between frames: the simulation tells its pose as often."""
+
+MAX_FRAMES = 18_001
+"""Ten minutes and the last frame; of longer walks every frame stands for more control steps."""
+
+_WINDOW = CONTROL_RATE  # control steps over which plots are averaged
+
+
+@dataclass(frozen=True, eq=False)
+class Packed:
+    """Numbers in few bytes: number = low + step * raw, the highest integer being NaN.
+
+    Attributes:
+        raw: uint8, uint16, or float32 for the numbers themselves; of any shape.
+        low, step: see above.
+    """
+
+    raw: np.ndarray
+    low: float = 0.0
+    step: float = 1.0
+
+    @classmethod
+    def between(
+        cls, numbers: np.ndarray, low: float, high: float, dtype: type = np.uint8
+    ) -> 'Packed':
+        """Pack `numbers`, clipped to [low, high]; NaN stays NaN."""
+        top = np.iinfo(dtype).max
+        step = (high - low) / (top - 1)
+        known = np.isfinite(numbers)
+        scaled = np.clip(np.round((np.where(known, numbers, low) - low) / step), 0, top - 1)
+        return cls(np.where(known, scaled, top).astype(dtype), low, step)
+
+    @classmethod
+    def fitting(cls, numbers: np.ndarray) -> 'Packed':
+        """Pack `numbers` between their own extremes, to one in 65,534."""
+        known = numbers[np.isfinite(numbers)]
+        low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+        return cls.between(numbers, low, max(high, low + 1e-9), np.uint16)
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """What the page is told of a walk.
+
+    Attributes:
+        stride: control steps from frame to frame.
+        arrays: by name: `x`, `y` centre [m], `corners` [m] about it, `area` ratio, `touch`,
+            `actuation`, `v_x` [m/s], `rate` [Hz] and `threshold` [mV], means over a second, of
+            each voxel, one row per frame; `messages`, spike trains as integers or values, one
+            row per control step. Those of larger items come first: all are aligned in the bytes.
+        ground: (n_points, 2) profile x, y [m] of the terrain.
+    """
+
+    stride: int
+    arrays: dict[str, Packed]
+    ground: np.ndarray
+
+    def described(self) -> list[dict[str, object]]:
+        """Return what each array is, ready for JSON, in the order of the bytes."""
+        return [
+            {
+                'name': name, 'type': str(packed.raw.dtype), 'shape': packed.raw.shape,
+                'low': packed.low, 'step': packed.step,
+            }
+            for name, packed in self.arrays.items()
+        ]
+
+    def encoded(self) -> str:
+        """Return all arrays, little-endian one behind the other, as base64 of zlib's deflate."""
+        little = (p.raw.astype(p.raw.dtype.newbyteorder('<')) for p in self.arrays.values())
+        return base64.b64encode(zlib.compress(b''.join(a.tobytes() for a in little))).decode()
+
+
+def make_frames(recording: Recording, thresholds: np.ndarray | None = None) -> Frames:
+    """Return the frames of a walk.
+
+    Args:
+        recording: of a bag or of `record_offline`.
+        thresholds: (n_steps, n_voxels) [mV], if they are known.
+
+    Raises:
+        InvalidInput: the bag holds no poses.
+    """
+    if recording.poses is None:
+        expected = f'a bag with /{recording.robot}/markers'
+        raise InvalidInput('markers', None, expected, str(recording.path))
+    stride = FRAME_STEPS * -(-recording.n_steps // (FRAME_STEPS * MAX_FRAMES))
+    at = np.arange(0, recording.n_steps, stride)
+    centers = bridge_gaps(recording.centers)
+    arrays = {
+        'x': Packed(centers[at, 0].astype(np.float32)),
+        'y': Packed(centers[at, 1].astype(np.float32)),
+        'corners': Packed.fitting(_shapes(recording.poses, centers, at)),
+        'v_x': Packed.fitting(_velocity(centers[:, 0])[at]),
+        **_messages(recording, at),
+        'area': Packed.between(area_ratios(recording.readings[at]), 0.5, 1.5),
+        'touch': Packed.between(recording.readings[at, :, 1], 0.0, 1.0),
+        'actuation': Packed.between(recording.actuation[at], -1.0, 1.0),
+    }
+    if thresholds is not None:
+        arrays['threshold'] = Packed.fitting(_window_means(thresholds)[at])
+    ordered = sorted(arrays.items(), key=lambda item: -item[1].raw.itemsize)
+    return Frames(stride, dict(ordered), recording.poses.ground)
+
+
+def _shapes(poses: Poses, centers: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return (n_frames, n_voxels, 8) corners about the centre, of the newest pose told."""
+    shapes = poses.corners - centers[poses.steps][:, None, None]
+    newest = np.maximum(np.searchsorted(poses.steps, at, side='right') - 1, 0)
+    return shapes[newest].reshape(len(at), -1, 8)
+
+
+def _window(n_steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first step of the window around each step, and the one after its last."""
+    steps = np.arange(n_steps)
+    return np.maximum(steps - _WINDOW // 2, 0), np.minimum(steps + _WINDOW // 2, n_steps - 1) + 1
+
+
+def _velocity(x: np.ndarray) -> np.ndarray:
+    """Return the mean velocity [m/s] over the window around each of n positions [m]."""
+    first, end = _window(len(x))
+    return (x[end - 1] - x[first]) * CONTROL_RATE / np.maximum(end - 1 - first, 1)
+
+
+def _window_means(numbers: np.ndarray) -> np.ndarray:
+    """Return the mean of (n_steps, n_voxels) numbers over the window around each step.
+
+    NaN does not count, and stays where nothing is known in all of the window.
+    """
+    first, end = _window(len(numbers))
+    known = np.isfinite(numbers)
+    none = np.zeros((1, numbers.shape[1]))
+    sums = np.cumsum(np.concatenate([none, np.where(known, numbers, 0.0)]), axis=0)
+    counts = np.cumsum(np.concatenate([none, known]), axis=0)
+    n = counts[end] - counts[first]
+    return np.divide(sums[end] - sums[first], n, out=np.full(n.shape, np.nan), where=n > 0)
+
+
+def _messages(recording: Recording, at: np.ndarray) -> dict[str, Packed]:
+    """Return the messages of all control steps and, of spikes, their rates [Hz] at the frames."""
+    if recording.spikes is not None:
+        trains = recording.spikes.astype(np.uint16) @ (1 << np.arange(16, dtype=np.uint16))
+        per_channel = recording.spikes.sum(axis=3).mean(axis=2) * CONTROL_RATE
+        rates = _window_means(np.where(recording.heard, per_channel, np.nan))
+        return {'messages': Packed(trains), 'rate': Packed.fitting(rates[at])}
+    if recording.values is not None:
+        return {'messages': Packed.between(recording.values, -1.0, 1.0)}
+    return {}
