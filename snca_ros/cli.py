@@ -15,15 +15,15 @@ from snca_ros.graph.child_process import end_with_parent
 COMMANDS = {
     'walk': ('snca_ros.commands.walk', 'let a trained robot walk: all its nodes, a bag, a report'),
     'voxels': ('snca_ros.commands.voxels', 'run voxels of a robot that walks on another machine'),
-    'policy': ('snca_ros.graph.sros_policy', 'write the SROS 2 policy of a robot'),
-    'evolve': ('snca_ros.evolution.evolve', 'train parameters offline'),
-    'history': ('snca_ros.evolution.history', 'show the progress of runs of evolve'),
-    'campaign': ('snca_ros.campaign.scheduler', 'evolve and assess many runs, resumable'),
-    'assess': ('snca_ros.assessment.trials', 'score controllers on unseen terrains'),
+    'policy': ('snca_ros.commands.policy', 'write the SROS 2 policy of a robot'),
+    'evolve': ('snca_ros.commands.evolve', 'train parameters offline'),
+    'history': ('snca_ros.commands.history', 'show the progress of runs of evolve'),
+    'campaign': ('snca_ros.commands.campaign', 'evolve and assess many runs, resumable'),
+    'assess': ('snca_ros.commands.assess', 'score controllers on unseen terrains'),
     'study': ('snca_ros.commands.study', 'statistics and figures of campaigns, on one page'),
-    'report': ('snca_ros.recording.report', 'read a bag back: v_x, firing rates, lost messages'),
-    'replay': ('snca_ros.web.replay', 'a page that plays a walk: of a controller, run or bag'),
-    'render': ('snca_ros.rendering.render', 'draw walks of controllers and bags: GIF, MP4, PNG'),
+    'report': ('snca_ros.commands.report', 'read a bag back: v_x, firing rates, lost messages'),
+    'replay': ('snca_ros.commands.replay', 'a page that plays a walk: of a controller, run or bag'),
+    'render': ('snca_ros.commands.render', 'draw walks of controllers and bags: GIF, MP4, PNG'),
     'completion': (
         'snca_ros.commands.completion', 'print what lets a shell complete commands and options'
     ),

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from snca_ros.commands.evolve import ProgressLine
 from snca_ros.evolution.checkpoint import Progress
-from snca_ros.evolution.evolve import ProgressLine
 from snca_ros.progress import StatusLine, bars
 
 NUMBERS = arrays(float, st.integers(1, 50), elements=st.floats(-1e9, 1e9) | st.just(-np.inf))

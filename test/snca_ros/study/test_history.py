@@ -16,9 +16,9 @@ from snca_ros.cli import BAD_INPUT, main
 from snca_ros.evolution.checkpoint import HISTORY, RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evolve import evolve
+from snca_ros.evolution.figures import draw_histories
 from snca_ros.evolution.history import described, read_history
 from snca_ros.evolution.workers import IN_PROCESS
-from snca_ros.recording.figures import draw_histories
 
 CONFIG = RunConfig(
     '11', Architecture.named('U-D', 'mlp'), evaluations=10, population=4, duration=0.2,

@@ -23,7 +23,7 @@ from snca_ros.controller_file import TrainedController, save_controller
 from snca_ros.recording.offline import record_offline
 from snca_ros.recording.storage import read_storage
 from snca_ros.rendering.film import read_film, shoot
-from snca_ros.rendering.render import follow
+from snca_ros.rendering.scene import follow
 
 VIEW = View(left=10.0, bottom=0.0, scale=20.0, width=400, height=300)
 
@@ -256,7 +256,7 @@ def test_a_failure_keeps_the_old_file(controller, tmp_path, monkeypatch):
     def fail(*args, **kwargs):
         raise RuntimeError
 
-    monkeypatch.setattr('snca_ros.rendering.render.Image.Image.save', fail)
+    monkeypatch.setattr('snca_ros.rendering.encoders.Image.Image.save', fail)
     with pytest.raises(RuntimeError):
         main(['render', controller, str(out), '--duration', '0.2', '--width', '100'])
     assert out.read_bytes() == b'old'
