@@ -11,10 +11,11 @@ import rclpy  # noqa: F401  # the voxels are forks that have it
 
 from sim_node.errors import InvalidInput
 from sim_node.ros import security
-from snca_ros.bundled import find_controller, graph_environment
+from snca_ros.bundled import find_controller
 from snca_ros.controller_file import load_controller
 from snca_ros.faults import parse_faults
 from snca_ros.graph.description import Graph, NodeProcess, WalkOptions, describe_graph
+from snca_ros.graph.environment import graph_environment
 from snca_ros.graph.network import await_network
 from snca_ros.graph.processes import RunningGraph
 

@@ -21,7 +21,7 @@ from sim_node.model.morphology import parse_morphology
 from sim_node.model.solver import ENGINES
 from sim_node.ros import security
 from sim_node.simulation import Simulation
-from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller, graph_environment
+from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.episode import run_episode
 from snca_ros.faults import Faults, parse_faults
@@ -33,9 +33,10 @@ from snca_ros.graph.description import (
     describe_graph,
     robot_name,
 )
+from snca_ros.graph.environment import graph_environment
+from snca_ros.graph.live_view import LiveView
 from snca_ros.graph.network import await_network
 from snca_ros.graph.processes import RunningGraph
-from snca_ros.nodes.live_view import LiveView
 from snca_ros.nodes.recorder import STORAGES
 from snca_ros.recording import report
 from snca_ros.recording.bag import read_bag

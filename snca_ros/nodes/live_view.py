@@ -5,31 +5,23 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Image, JointState
 from visualization_msgs.msg import MarkerArray
 
 from sim_node.control_time import step_of_stamp
-from sim_node.model.terrain import parse_terrain
 from sim_node.ros import topics
 from sim_node.ros.node_base import RosNode
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.controller_file import TrainedController
-from snca_ros.graph.description import NodeProcess
-from snca_ros.graph.processes import RunningGraph
 from snca_ros.nodes.cell_messages import CellMessages, topic_name
 from snca_ros.recording.gait import area_ratios
-from snca_ros.web.page import live_page
-from snca_ros.web.server import PageServer
 
-_PERIOD = 1.0 / 30.0  # seconds of wall time between frames
+PERIOD = 1.0 / 30.0
+"""Seconds of wall time between frames."""
+
 _DIGITS = 4  # of the numbers sent
-
-
-LOSS = 0.5
-"""Share of the messages that a voxel with noise does not hear: the fault `loss`."""
 
 
 class ViewNode(RosNode):
@@ -72,7 +64,7 @@ class ViewNode(RosNode):
             'actuation': [None] * len(voxels), 'health': {},
         }
         self.create_subscription(DiagnosticArray, '/diagnostics', self._note_health, 100)
-        self.create_timer(_PERIOD, self._look)
+        self.create_timer(PERIOD, self._look)
 
     def _note_health(self, message: DiagnosticArray) -> None:
         prefix = self.get_namespace() + '/'
@@ -134,53 +126,3 @@ class ViewNode(RosNode):
         if not self._spiking:
             return [step, i, rows.ravel().tolist()]
         return [step, i, (rows @ (1 << np.arange(SNN_STEPS))).astype(int).tolist()]
-
-
-class LiveView:
-    """The live page of a running graph: it tells how the robot is and obeys its page.
-
-    Args:
-        port: of the page; 0 for a free one.
-        trained: the controller.
-        terrain: its name.
-        running: the graph.
-
-    Raises:
-        InvalidInput: the port cannot be had.
-    """
-
-    def __init__(
-        self, port: int, trained: TrainedController, terrain: str, running: RunningGraph
-    ) -> None:
-        robot, self._running = running.graph.robot, running
-        page = live_page(trained, parse_terrain(terrain), f'{robot} on {terrain}')
-        self._server = PageServer(port, page)
-        self._node = ViewNode(robot, trained, self._server.tell)
-        self._processes = {name: p for p in running.graph.voxels for name in p.names}
-        self.address = self._server.address
-
-    def spin_once(self) -> None:
-        """Do what is due, within a frame's time."""
-        rclpy.spin_once(self._node, timeout_sec=_PERIOD)
-        while not self._server.commands.empty():
-            command = self._server.commands.get()
-            process = self._processes.get(str(command.get('voxel')))
-            if process is not None:
-                self._obey(str(command.get('action')), process)
-
-    def _obey(self, action: str, process: NodeProcess) -> None:
-        """Kill, revive or disturb the process of a voxel, and of those that share it."""
-        if action not in ('kill', 'revive', 'noise'):
-            return
-        if action in ('kill', 'noise'):
-            self._running.kill(process)
-        if action in ('revive', 'noise') and self._running.exit_code(process) is not None:
-            disturbed = {'loss': LOSS} if action == 'noise' else {}
-            self._running.start_again(process, **disturbed)
-        for name in process.names:
-            self._node.say(name, {'kill': 'killed'}.get(action, 'starting'))
-
-    def close(self) -> None:
-        """Close the page's connections and the port."""
-        self._node.destroy_node()
-        self._server.close()

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from snca_ros.bundled import graph_environment
+from snca_ros.graph.environment import graph_environment
 
 # Before rclpy is imported: domains 1 to 100 are free of the kernel's ephemeral ports.
 os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
