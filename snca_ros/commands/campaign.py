@@ -11,9 +11,8 @@ from sim_node.errors import InvalidInput
 from snca_ros.campaign.results import Results
 from snca_ros.campaign.scheduler import Campaign
 from snca_ros.campaign.specification import read_campaign
+from snca_ros.command_line import INTERRUPTED
 from snca_ros.commands.worker_options import add_worker_arguments, open_workers
-
-INTERRUPTED = 130
 
 _GOES_ON = 'stopped; the same command goes on with it'
 

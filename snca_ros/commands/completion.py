@@ -15,8 +15,9 @@ from sim_node.model.solver import ENGINES
 from sim_node.model.terrain import UNSEEN_TERRAINS
 from snca_ros.bundled import boxed_controllers
 from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS
-from snca_ros.cli import COMMANDS, NODES, load
+from snca_ros.commands import COMMANDS, load_command
 from snca_ros.evolution.strategies import STRATEGIES
+from snca_ros.graph.executables import NODES
 
 EXAMPLES = """
   snca completion bash > ~/.snca-completion         # and in ~/.bashrc: . ~/.snca-completion
@@ -35,10 +36,10 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     root = argparse.ArgumentParser('snca')
     root.add_argument('--version', action='store_true')
     commands = root.add_subparsers()
-    for name, (module, text) in COMMANDS.items():
+    for name, text in COMMANDS.items():
         command = commands.add_parser(name, help=text)
         with contextlib.suppress(InvalidInput):  # without ROS its name alone is completed
-            load(module).add_arguments(command)
+            load_command(name).add_arguments(command)
         _add_choices(command)
     for name, (_, text) in NODES.items():
         commands.add_parser(name, help=text)

@@ -13,14 +13,13 @@ from sim_node.model.morphology import SHAPES
 from sim_node.model.physics import DEFAULT_PHYSICS, PHYSICS
 from sim_node.model.solver import ENGINES, Solver
 from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS, Architecture
+from snca_ros.command_line import INTERRUPTED
 from snca_ros.commands.worker_options import add_worker_arguments, open_workers
 from snca_ros.evolution.checkpoint import Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evolve import evolve
 from snca_ros.evolution.strategies import STRATEGIES
 from snca_ros.progress import StatusLine, TimeLeft, bars
-
-INTERRUPTED = 130
 
 EXAMPLES = """
   snca evolve --shape tripod --engine batched --evaluations 3000 --run runs/tripod

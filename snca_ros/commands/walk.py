@@ -22,6 +22,7 @@ from sim_node.model.solver import ENGINES
 from sim_node.ros import security
 from sim_node.simulation import Simulation
 from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
+from snca_ros.command_line import INTERRUPTED
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.episode import run_episode
 from snca_ros.faults import Faults, parse_faults
@@ -42,7 +43,6 @@ from snca_ros.recording import report
 from snca_ros.recording.bag import read_bag
 from snca_ros.web.server import check_port
 
-INTERRUPTED = 130
 VIEW_PORT = 8765
 
 EXAMPLES = """

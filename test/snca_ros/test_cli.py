@@ -40,10 +40,10 @@ def test_version(capsys):
     assert capsys.readouterr().out == f'snca_ros {snca_ros.__version__}\n'
 
 
-@pytest.mark.parametrize('name', sorted({**cli.COMMANDS, **cli.NODES}))
-def test_every_command_has_a_module(name):
-    module = {**cli.COMMANDS, **cli.NODES}[name][0]
-    assert (ROOT / (module.replace('.', '/') + '.py')).is_file()
+def test_every_command_and_node_has_a_module():
+    modules = [f'snca_ros.commands.{name}' for name in cli.COMMANDS]
+    for module in [*modules, *(module for module, _ in cli.NODES.values())]:
+        assert (ROOT / (module.replace('.', '/') + '.py')).is_file()
 
 
 @pytest.mark.parametrize(
@@ -77,8 +77,7 @@ def test_unknown_command_is_one_line(name, capsys):
 
 
 def parser_of(name):
-    module, text = cli.COMMANDS[name]
-    return CommandParser(name, text, cli.load(module))
+    return CommandParser(name, cli.COMMANDS[name], cli.load_command(name))
 
 
 @pytest.mark.parametrize('name', cli.COMMANDS)

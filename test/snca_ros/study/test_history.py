@@ -12,7 +12,8 @@ from PIL import Image
 from sim_node.errors import InvalidInput
 from snca_ros.bundled import boxed_controllers
 from snca_ros.cell.architecture import Architecture
-from snca_ros.cli import BAD_INPUT, main
+from snca_ros.cli import main
+from snca_ros.command_line import BAD_INPUT
 from snca_ros.evolution.checkpoint import HISTORY, RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evolve import evolve

@@ -18,7 +18,8 @@ from sim_node.model.morphology import parse_morphology
 from sim_node.model.terrain import parse_terrain
 from sim_node.simulation import Simulation
 from snca_ros.cell.architecture import Architecture
-from snca_ros.cli import BAD_INPUT, main
+from snca_ros.cli import main
+from snca_ros.command_line import BAD_INPUT
 from snca_ros.controller_file import TrainedController, save_controller
 from snca_ros.recording.offline import record_offline
 from snca_ros.recording.storage import read_storage

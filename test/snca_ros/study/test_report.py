@@ -7,7 +7,8 @@ import pytest
 from PIL import Image
 from synthetic_bag import Walk, diagnostics, make_walk, messages_of_walk, write_messages
 
-from snca_ros.cli import BAD_INPUT, main
+from snca_ros.cli import main
+from snca_ros.command_line import BAD_INPUT
 from snca_ros.recording.bag import read_bag
 from snca_ros.recording.figures import draw_recording
 from snca_ros.recording.gait import measure_gait
