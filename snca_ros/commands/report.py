@@ -6,8 +6,8 @@ from pathlib import Path
 
 from sim_node.errors import InvalidInput
 from snca_ros.files import check_writable, write_text
-from snca_ros.recording.bag import read_bag
-from snca_ros.recording.gait import measure_gait
+from snca_ros.recording.bag import Recording, read_bag
+from snca_ros.recording.gait import Gait, measure_gait
 from snca_ros.recording.report import as_dict, report_lines
 
 EXAMPLES = """
@@ -34,8 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Report as the command line says; return the exit code."""
-    # matplotlib loads slowly
-    from snca_ros.recording.figures import check_figure, draw_recording, write_figure
+    from snca_ros.recording.figures import check_figure  # matplotlib loads slowly
 
     if args.figure:
         check_figure(args.figure)
@@ -43,19 +42,25 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         check_writable('json', args.json)
     recording = read_bag(args.bag, args.episode)
     gait = measure_gait(recording)
-    print('\n'.join(report_lines(recording, gait)), flush=True)
+    print_report(recording, gait, args.figure or args.bag / 'report.png')
     if args.json:
         try:
             write_text(args.json, json.dumps(as_dict(recording, gait), indent=2) + '\n')
         except OSError as error:
             shown = f'{args.json}: {error.strerror}'
             raise InvalidInput('json', shown, 'a file that can be written') from None
-    figure = args.figure or args.bag / 'report.png'
-    write_figure(draw_recording(recording), figure)
-    print(f'\nfigure: {figure}')
     if args.html:
         from snca_ros.web.replay import write_bag_page
 
         page = args.bag / 'replay.html' if args.html is True else args.html
         write_bag_page(recording, page, args.controller)
     return 0
+
+
+def print_report(recording: Recording, gait: Gait, figure: Path) -> None:
+    """Print what a recording tells, and draw it into the file `figure`."""
+    from snca_ros.recording.figures import draw_recording, write_figure
+
+    print('\n'.join(report_lines(recording, gait)), flush=True)
+    write_figure(draw_recording(recording), figure)
+    print(f'\nfigure: {figure}')

@@ -1,7 +1,6 @@
 """(ROS) The `walk` command: brings a robot's graph up, watches it, takes it down, reports."""
 
 import argparse
-import os
 import signal
 import sys
 import time
@@ -11,11 +10,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.signals import SignalHandlerOptions
 
-from sim_node.control_time import CONTROL_RATE
 from sim_node.errors import InvalidInput, check_name
 from sim_node.model.morphology import parse_morphology
 from sim_node.model.solver import ENGINES
@@ -23,24 +18,18 @@ from sim_node.ros import security
 from sim_node.simulation import Simulation
 from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
 from snca_ros.command_line import INTERRUPTED
+from snca_ros.commands.report import print_report
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.episode import run_episode
 from snca_ros.faults import Faults, parse_faults
 from snca_ros.files import check_new_bag
-from snca_ros.graph.description import (
-    Graph,
-    NodeProcess,
-    WalkOptions,
-    describe_graph,
-    robot_name,
-)
-from snca_ros.graph.environment import graph_environment
+from snca_ros.graph.description import Graph, WalkOptions, describe_graph, robot_name
 from snca_ros.graph.live_view import LiveView
-from snca_ros.graph.network import await_network
 from snca_ros.graph.processes import RunningGraph
+from snca_ros.graph.supervisor import supervise_walk
 from snca_ros.nodes.recorder import STORAGES
-from snca_ros.recording import report
-from snca_ros.recording.bag import read_bag
+from snca_ros.recording.bag import Recording, read_bag
+from snca_ros.recording.gait import measure_gait
 from snca_ros.web.server import check_port
 
 VIEW_PORT = 8765
@@ -128,7 +117,9 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     code = _walk(graph, options, args.respawn, open_view)
     if code or args.no_bag:
         return code
-    return _report(bag, offline, may_differ=args.respawn or args.real_time > 0.0)
+    recording = read_bag(bag)
+    print_report(recording, measure_gait(recording), bag / 'report.png')
+    return _compare(recording, offline, may_differ=args.respawn or args.real_time > 0.0)
 
 
 def _check_shape(path: Path, trained: TrainedController, shape: str | None) -> None:
@@ -162,13 +153,8 @@ def _walk(
         f'/{graph.robot}: {n} voxels in {len(graph.voxels)} processes, one simulation'
         f'{", one recorder" if graph.recorder else ""}', file=sys.stderr,
     )
-    environment = graph_environment('network' if options.only else 'loopback')
-    os.environ.update(environment)
     try:
-        if options.only:
-            await_network()
-        with RunningGraph(graph, environment) as running:
-            code = _watch(graph, running, options, respawn, open_view)
+        code = supervise_walk(graph, options, respawn, open_view)
     except KeyboardInterrupt:
         print('\nstopped', file=sys.stderr)
         return INTERRUPTED
@@ -178,72 +164,13 @@ def _walk(
     return code
 
 
-def _watch(
-    graph: Graph, running: RunningGraph, options: WalkOptions, respawn: bool,
-    open_view: Callable[[RunningGraph], LiveView] | None,
-) -> int:
-    """Wait for the simulation to end; show its progress from its own diagnostics."""
-    steps = [0]
-    given_up: set[NodeProcess] = set()
-    name = f'/{graph.robot}/sim_node'
-
-    def note(message: DiagnosticArray) -> None:
-        for status in message.status:
-            if status.name == name:
-                counters = {v.key: v.value for v in status.values}
-                if counters.get('steps', '').isdecimal():
-                    steps[0] = int(counters['steps'])
-
-    view = None
-    arguments = ['--ros-args', '--enclave', graph.enclave('walk')]
-    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        node = rclpy.create_node('walk', namespace=f'/{graph.robot}', enable_rosout=False)
-        node.create_subscription(DiagnosticArray, '/diagnostics', note, 10)
-        live = sys.stderr.isatty()
-        if open_view:
-            view = open_view(running)
-            print(f'see it walk: {view.address}', file=sys.stderr, flush=True)
-        while running.exit_code(graph.simulation) is None:
-            rclpy.spin_once(node, timeout_sec=0.0 if view else 0.2)
-            if view:
-                view.spin_once()
-            given_up &= {*running.ended()}  # others were started again
-            if live:
-                print(f'\r{steps[0] / CONTROL_RATE:7.1f} of {options.duration:g} s', end='',
-                      file=sys.stderr, flush=True)
-            for process in {*running.ended()} - {graph.simulation} - given_up:
-                code = running.exit_code(process)
-                said = f'\n{process.executable} {" ".join(process.names)} ended with code {code}'
-                voxel = process in graph.voxels
-                if voxel and respawn and code is not None and code < 0:  # a signal's doing
-                    print(f'{said}: started again', file=sys.stderr)
-                    running.start_again(process)
-                elif voxel and options.real_time_factor:
-                    print(f'{said}: the robot goes on without', file=sys.stderr)
-                    given_up.add(process)
-                else:
-                    print(said, file=sys.stderr)
-                    return 1
-        if live:
-            print(f'\r{options.duration:7.1f} of {options.duration:g} s', file=sys.stderr)
-        node.destroy_node()
-    finally:
-        if view:
-            view.close()
-        rclpy.try_shutdown()
-    return 0 if running.exit_code(graph.simulation) == 0 else 1
-
-
-def _report(bag: Path, offline: np.ndarray, may_differ: bool) -> int:
-    report_parser = argparse.ArgumentParser(prog='snca report')
-    report.add_arguments(report_parser)
-    code = report.run(report_parser.parse_args([str(bag)]), report_parser)
-    centers = read_bag(bag).centers
+def _compare(recording: Recording, offline: np.ndarray, may_differ: bool) -> int:
+    """Compare the recorded centres with those of the offline walk; return the exit code."""
+    centers = recording.centers
     same = centers.shape == offline.shape and np.array_equal(centers, offline)
     verdict = 'bit for bit the same' if same else 'NOT THE SAME'
     if may_differ and not same and centers.shape == offline.shape:
         parted = np.flatnonzero((centers != offline).any(axis=1))[0]
         verdict = f'the same until step {parted}, when late, lost or dead voxels began to show'
     print(f'offline twin: {len(offline)} positions of the centre, {verdict}')
-    return code if same or may_differ else 1
+    return 0 if same or may_differ else 1

@@ -73,7 +73,7 @@ def test_watching_draws_every_generation_until_the_end(tmp_path, monkeypatch, ca
         drawn.append(figure.read_bytes())
         go_on(run, 1)
 
-    monkeypatch.setattr('snca_ros.evolution.history.time.sleep', a_second)
+    monkeypatch.setattr('snca_ros.commands.history.time.sleep', a_second)
     assert main(['history', str(run), '--watch', '--figure', str(figure)]) == 0
     assert len(drawn) == 3  # of 4, 3 and 3 evaluations
     assert len({*drawn, figure.read_bytes()}) == 4
@@ -90,7 +90,7 @@ def test_watching_on_a_terminal_draws_over_what_it_drew(tmp_path, monkeypatch):
     monkeypatch.setenv('COLUMNS', '30')
     monkeypatch.setattr('sys.stdout', screen := Screen())
     monkeypatch.setattr(
-        'snca_ros.evolution.history.time.sleep', lambda _: go_on(tmp_path / 'run', 1)
+        'snca_ros.commands.history.time.sleep', lambda _: go_on(tmp_path / 'run', 1)
     )
     go_on(tmp_path / 'run', 2)
     assert main(['history', str(tmp_path / 'run'), '--watch']) == 0
