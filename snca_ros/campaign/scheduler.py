@@ -1,6 +1,5 @@
 """Many runs side by side, evolved and assessed, resumable at any moment."""
 
-import sys
 from collections import deque
 from collections.abc import Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
@@ -11,9 +10,22 @@ from snca_ros.campaign.endpoints import Outcome, perform
 from snca_ros.campaign.results import Results
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.workers import Workers
-from snca_ros.progress import StatusLine, TimeLeft
+from snca_ros.progress import TimeLeft
 
 _TELL_EVERY = 1.0  # s
+
+
+class Listener:
+    """What a campaign tells while it works; this one ignores it."""
+
+    def progress(self, campaign: 'Campaign') -> None:
+        """Note that time has passed."""
+
+    def finished(self, row: dict[str, str]) -> None:
+        """Note the row of results.csv of a run that has finished."""
+
+    def failed(self, run: str, reason: str) -> None:
+        """Note that a run has failed."""
 
 
 class Campaign:
@@ -23,16 +35,20 @@ class Campaign:
         configs: the runs, in the order in which to start them.
         results: where finished ones have their rows.
         runs: folder of the run folders, on all workers the same.
+        listener: is told of each run that ends, and every second of the progress.
     """
 
-    def __init__(self, configs: Sequence[RunConfig], results: Results, runs: Path) -> None:
+    def __init__(
+        self, configs: Sequence[RunConfig], results: Results, runs: Path,
+        listener: Listener | None = None,
+    ) -> None:
         self.configs, self.results, self.runs = configs, results, runs
         self.waiting = deque(c for c in configs if c.name not in results.rows)
         self.running: dict[Future[Outcome], RunConfig] = {}
         self.failed: dict[str, str] = {}
         self._suspects: set[str] = set()  # one of them has ended its worker process
         self._at_once = 1  # of the suspects
-        self._line = StatusLine()
+        self._listener = listener or Listener()
         self._left = TimeLeft(sum(c.evaluations for c in configs), self._evaluations())
 
     def work(self, workers: Workers) -> None:
@@ -55,7 +71,7 @@ class Campaign:
                 done, _ = wait(self.running, _TELL_EVERY, FIRST_COMPLETED)
                 for future in done:
                     self._finish(future)
-                self._line.show(self.told())
+                self._listener.progress(self)
         except (BrokenExecutor, CancelledError) as error:
             self._put_back(isinstance(error, BrokenProcessPool))
             raise
@@ -71,15 +87,7 @@ class Campaign:
         config = self.running.pop(future)
         self._suspects.discard(config.name)
         self.results.add(outcome)
-        row = self.results.rows[config.name]
-        self._line.clear()
-        print(
-            f'{config.name}: v_x {float(row["v_x_end"]):.3f} m/s, pushed mean '
-            f'{float(row["v_x_pushed_mean"]):.3f} ± {float(row["v_x_pushed_std"]):.3f}, '
-            f'unseen terrains {float(row["v_x_unseen"]):.3f}, robust '
-            f'{float(row["v_x_robust_mean"]):.3f} ± {float(row["v_x_robust_std"]):.3f}',
-            flush=True,
-        )
+        self._listener.finished(self.results.rows[config.name])
 
     def _put_back(self, a_process_ended: bool) -> None:
         configs = list(self.running.values())
@@ -96,8 +104,7 @@ class Campaign:
     def _fail(self, config: RunConfig, reason: str) -> None:
         self.failed[config.name] = reason
         self._suspects.discard(config.name)
-        self._line.clear()
-        print(f'{config.name} failed: {reason}', file=sys.stderr, flush=True)
+        self._listener.failed(config.name, reason)
 
     def _evaluations(self) -> int:
         """Return the evaluations spent so far, by the histories of the run folders."""
@@ -106,7 +113,7 @@ class Campaign:
             for c in self.configs
         )
 
-    def told(self) -> str:
+    def describe(self) -> str:
         """Return what is done, running and left, and the time left, as text."""
         done = sum(c.name in self.results.rows for c in self.configs)
         text = (

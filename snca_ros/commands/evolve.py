@@ -28,6 +28,12 @@ EXAMPLES = """
   snca evolve --terrain hilly-1-10-0 --strategy cma --workers 4
 """
 
+_OF_THE_CELL = ('n_c', 'hidden', 'as_printed')
+_OF_THE_RUN = (
+    'terrain', 'evaluations', 'seed', 'population', 'sigma', 'duration', 'transient', 'engine',
+    'strategy',
+)
+_OF_THE_SOLVER = ('physics',)
 _TEXT_WIDTH, _SHORTEST_BAR, _LONGEST_BAR = 71, 8, 40  # of the progress line [characters]
 
 
@@ -83,15 +89,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--run', type=Path, help='run folder (default runs/<what it is>)')
     parser.add_argument('--resume', type=Path, metavar='RUN', help='go on with a stopped run')
     add_worker_arguments(parser)
-
-_OF_THE_CELL = ('n_c', 'hidden', 'as_printed')
-
-_OF_THE_RUN = (
-    'terrain', 'evaluations', 'seed', 'population', 'sigma', 'duration', 'transient', 'engine',
-    'strategy',
-)
-
-_OF_THE_SOLVER = ('physics',)
 
 
 def _given(args: argparse.Namespace, names: tuple[str, ...]) -> dict:

@@ -1,17 +1,15 @@
 """The `replay` command: a page that plays the walk of a controller, a run's best, or a bag."""
 
 import argparse
+import sys
 from pathlib import Path
 
 from sim_node.control_time import CONTROL_RATE
 from sim_node.errors import InvalidInput
 from snca_ros.bundled import find_controller
-from snca_ros.controller_file import load_controller
-from snca_ros.faults import parse_faults
-from snca_ros.recording.bag import read_bag
-from snca_ros.recording.offline import record_offline
-from snca_ros.web.page import walk_page
-from snca_ros.web.replay import described, history_columns, write_bag_page, write_page
+from snca_ros.files import write_text
+from snca_ros.recording.bag import Recording, read_bag
+from snca_ros.web.replay import bag_page, controller_page
 
 EXAMPLES = """
   snca replay biped-U-nD-snn-h                      # biped-U-nD-snn-h.html
@@ -49,26 +47,38 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if source.is_dir() and not is_run:
         if args.terrain or args.faults:
             parser.error('--terrain and --faults are for walks that are no bag yet')
-        write_bag_page(
-            read_bag(source, args.episode), args.out or source / 'replay.html', args.controller
-        )
+        recording = read_bag(source, args.episode)
+        write_bag_page(args.out or source / 'replay.html', recording, args.controller)
         return 0
     if args.controller or args.episode != -1:
         parser.error('--controller and --episode are for bags')
     if not 1 / CONTROL_RATE <= args.duration <= _MAX_DURATION:
         raise InvalidInput('duration', args.duration, f'seconds from 1/60 to {_MAX_DURATION:g}')
     file = source / 'best.npz' if is_run else find_controller(args.source)
-    trained = load_controller(file)
-    recording, thresholds = record_offline(
-        trained, file, args.duration, args.terrain, parse_faults(args.faults)
+    page = controller_page(
+        file, args.duration, args.terrain, args.faults, source if is_run else None
     )
-    name = source.resolve().name if is_run else file.stem
-    with_faults = f' with {args.faults}' if args.faults else ''
-    page = walk_page(
-        recording, f'{name} on {args.terrain or trained.terrain}{with_faults}',
-        facts=[described(trained)], thresholds=thresholds,
-        directional=trained.architecture.directional,
-        history=history_columns(source) if is_run else None,
-    )
-    write_page(args.out or (source / 'replay.html' if is_run else Path(f'{name}.html')), page)
+    _write_page(args.out or (source / 'replay.html' if is_run else Path(f'{file.stem}.html')), page)
     return 0
+
+
+def write_bag_page(path: Path, recording: Recording, controller: str | None) -> None:
+    """Write the page of a recorded walk, and print where it is and what to beware of.
+
+    Raises:
+        InvalidInput: the bag has no markers, the controller is of another robot, or `path` cannot
+            be written.
+    """
+    page, warning = bag_page(recording, controller)
+    _write_page(path, page)
+    if warning:
+        print(warning, file=sys.stderr)
+
+
+def _write_page(path: Path, page: str) -> None:
+    try:
+        write_text(path, page)
+    except OSError as error:
+        raise InvalidInput('html', f'{path}: {error.strerror}', 'a file that can be written') \
+            from None
+    print(f'page: {path}, {len(page) / 1e6:.1f} MB')

@@ -50,10 +50,10 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
             shown = f'{args.json}: {error.strerror}'
             raise InvalidInput('json', shown, 'a file that can be written') from None
     if args.html:
-        from snca_ros.web.replay import write_bag_page
+        from snca_ros.commands.replay import write_bag_page
 
         page = args.bag / 'replay.html' if args.html is True else args.html
-        write_bag_page(recording, page, args.controller)
+        write_bag_page(page, recording, args.controller)
     return 0
 
 

@@ -1,0 +1,66 @@
+"""A study: what is compared in results of campaigns, its tables, and the files that hold it all."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from snca_ros.comparison.pairwise import contrasts, contrasts_csv, shown_contrasts
+from snca_ros.comparison.runs import missing_runs, read_cases, warnings
+from snca_ros.comparison.tables import (
+    Table,
+    champions_table,
+    contrasts_table,
+    factors_table,
+    speeds_table,
+    told_lines,
+    vibration_table,
+)
+
+
+class Study:
+    """The runs of results folders, compared.
+
+    Args:
+        results: folders of results of campaigns; their tables are joined.
+        campaigns: only the runs of these campaign files; all if there is none.
+
+    Attributes:
+        warnings: lines that name dangers.
+        missing: lines that name runs of the campaigns that have no results.
+
+    Raises:
+        InvalidInput: a table or a campaign file cannot be read or is damaged.
+    """
+
+    def __init__(self, results: Sequence[Path], campaigns: Sequence[Path] = ()) -> None:
+        self._cases = read_cases(results, campaigns)
+        self._contrasts = contrasts(self._cases)
+        self._shown = shown_contrasts(self._contrasts)
+        self.warnings = warnings(self._cases)
+        self.missing = missing_runs(self._cases, campaigns)
+        self._tables = [
+            speeds_table(self._cases), champions_table(self._cases),
+            vibration_table(self._cases), factors_table(self._cases),
+        ]
+
+    def summary(self) -> str:
+        """Return the tables with the shown contrasts, warnings and missing runs, in Markdown."""
+        return '\n\n'.join([
+            *(table.markdown() for table in self._with(contrasts_table(self._shown))),
+            *told_lines('Warnings', self.warnings), *told_lines('Missing', self.missing),
+        ])
+
+    def files(self) -> dict[str, str]:
+        """Return index.html, statistics.csv and figures (.svg): names to texts."""
+        from snca_ros.comparison.figures import draw_all  # matplotlib loads slowly
+        from snca_ros.comparison.page import page
+
+        figures = draw_all(self._cases, self._shown)
+        tables = self._with(contrasts_table(self._contrasts))
+        return {
+            **{f'{kind}-{shape}.svg': svg for kind, shape, svg in figures},
+            'statistics.csv': contrasts_csv(self._contrasts),
+            'index.html': page(self._cases, self.missing, self.warnings, tables, figures),
+        }
+
+    def _with(self, table: Table) -> list[Table]:
+        return [table for table in (*self._tables, table) if table.rows]
