@@ -1,4 +1,4 @@
-"""What is in the box: config/ with its controllers, in a checkout or installed."""
+"""What comes with the package: config/ with its controllers, in a checkout or installed."""
 
 import os
 import sys
@@ -16,18 +16,19 @@ def config_folders() -> list[Path]:
     return [Path(__file__).resolve().parents[1] / 'config', *installed]
 
 
-def boxed_controllers() -> dict[str, Path]:
-    """Return the controllers in the box, name to file."""
+def bundled_controllers() -> dict[str, Path]:
+    """Return the bundled controllers, name to file."""
     folders = [folder / 'controllers' for folder in config_folders()]
     return {p.stem: p for folder in reversed(folders) for p in sorted(folder.glob('*.npz'))}
 
 
 def find_controller(name: str) -> Path:
-    """Return the file of a controller named by path or by its name in the box."""
-    boxed = boxed_controllers()
-    if name in boxed and not Path(name).exists():
-        return boxed[name]
+    """Return the file of a controller named by its path, or by its name if it is bundled."""
+    bundled = bundled_controllers()
+    if name in bundled and not Path(name).exists():
+        return bundled[name]
     if not Path(name).exists():
-        expected = f'a controller file or one of {", ".join(boxed)}' + near_miss(name, list(boxed))
+        hint = near_miss(name, list(bundled))
+        expected = f'a controller file or one of {", ".join(bundled)}{hint}'
         raise InvalidInput('controller', name, expected)
     return Path(name)

@@ -9,7 +9,7 @@ from snca_ros.commands import COMMANDS, load_command
 from snca_ros.graph.executables import NODES, run_node
 
 EXAMPLES = """
-  snca walk                      # the biped in the box walks 30 s; bag, report, comparison
+  snca walk                      # the bundled biped walks 30 s; bag, report, comparison
   snca evolve --engine batched --shape tripod --evaluations 3000 --run runs/tripod
   snca walk runs/tripod/best.npz
 """

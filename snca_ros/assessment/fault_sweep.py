@@ -86,7 +86,7 @@ def sweep_trials(
 
 
 def table(names: Sequence[str], sweep: Sweep, scores: np.ndarray) -> list[str]:
-    """Return lines that tell mean and standard deviation over starts of each controller.
+    """Return mean and standard deviation over starts of each controller as lines of text.
 
     Args:
         names: of the controllers.

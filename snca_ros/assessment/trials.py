@@ -82,13 +82,13 @@ def means_of_kinds(kinds: dict[str, tuple[str, ...]], v_x: np.ndarray) -> np.nda
 
 
 def table(name: str, terrains: Sequence[str], scores: np.ndarray) -> list[str]:
-    """Return lines that tell the scores of one controller.
+    """Return the scores of one controller as lines of text.
 
     Args:
         name: of the controller.
         terrains: their names.
         scores: (n_terrains, 1 + n_pushed) v_x [m/s]; of pushed starts mean and sample standard
-            deviation are told.
+            deviation are shown.
     """
     n_pushed = scores.shape[1] - 1
     head = f'{"":24}{"v_x":>9}'

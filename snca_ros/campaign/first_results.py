@@ -85,8 +85,8 @@ def _config(row: dict[str, str]) -> RunConfig:
         solver=Solver(physics=UNNAMED_PHYSICS), **options,
     )
     if config.name != name or config.evaluations != int(row['n_evaluations']):
-        told = f'{config.name} with {config.evaluations} evaluations'
-        raise InvalidInput('run', name, f'the name that its row gives it, {told}')
+        named = f'{config.name} with {config.evaluations} evaluations'
+        raise InvalidInput('run', name, f'the name that its row gives it, {named}')
     return config
 
 

@@ -122,7 +122,7 @@ class Campaign:
         )
         if not (self.waiting or self.running):
             return text
-        return f'{text}; evaluations {self._left.told(self._evaluations())}'
+        return f'{text}; evaluations {self._left.describe(self._evaluations())}'
 
 
 def _spent(folder: Path) -> int:

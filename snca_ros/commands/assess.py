@@ -43,7 +43,7 @@ EXAMPLES = """
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `assess`."""
     parser.add_argument('controllers', nargs='+', metavar='CONTROLLER',
-                        help='controller file (.npz), or the name of one in the box')
+                        help='controller file (.npz), or the name of a bundled one')
     parser.add_argument('--terrains', metavar='NAMES',
                         help='separated by commas (default: the 16 unseen ones; '
                         'with --faults flat)')
@@ -106,8 +106,8 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         print('\n'.join(['', *table(name, names, of_one)]), flush=True)
     if args.csv:
         means = [i for i, name in enumerate(names) if name not in terrains]
-        told = [*terrains, *(names[i] for i in means)]
-        each = product(args.controllers, told, [args.engine], range(1 + args.starts))
+        rows = [*terrains, *(names[i] for i in means)]
+        each = product(args.controllers, rows, [args.engine], range(1 + args.starts))
         v_x = np.concatenate([episodes, scores[:, means]], axis=1).ravel()
         write_csv(args.csv, COLUMNS, [(*e, v) for e, v in zip(each, v_x.tolist(), strict=True)])
     if args.figure:

@@ -38,7 +38,7 @@ _TEXT_WIDTH, _SHORTEST_BAR, _LONGEST_BAR = 71, 8, 40  # of the progress line [ch
 
 
 class ProgressLine:
-    """Tells how far a run is; on a terminal with a bar that is the best v_x so far, drawn."""
+    """Shows how far a run is; on a terminal with a bar that is the best v_x so far, drawn."""
 
     def __init__(self, total: int, done: int) -> None:
         self._line = StatusLine()
@@ -49,7 +49,7 @@ class ProgressLine:
         done, total = progress.evaluations, self._left.total
         _, _, best, median, worst, best_so_far = progress.history[-1]
         text = (
-            f'{self._left.told(done)}  best {best_so_far:.2f}  median {median:.2f} '
+            f'{self._left.describe(done)}  best {best_so_far:.2f}  median {median:.2f} '
             f'({worst:.2f}…{best:.2f}) m/s'
         )
         bar = self._bar(progress)
@@ -129,7 +129,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         config.new_strategy()  # refuses one that is not installed before there is a folder
         folder = RunFolder.create(args.run or Path('runs') / config.name, config)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    print(f'{folder.path}: {_described(folder.config)}', file=sys.stderr)
+    print(f'{folder.path}: {_describe(folder.config)}', file=sys.stderr)
     try:
         done = folder.load().evaluations
         line = ProgressLine(folder.config.evaluations, done)
@@ -156,7 +156,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     return 0
 
 
-def _described(config: RunConfig) -> str:
+def _describe(config: RunConfig) -> str:
     cell = config.architecture
     return (
         f'{config.shape} on {config.terrain}, {cell.name} {cell.neuron_model}'

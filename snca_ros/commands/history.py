@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from snca_ros.evolution.history import History, described, read_history
+from snca_ros.evolution.history import History, describe, read_history
 
 EXAMPLES = """
   snca history runs/tripod                          # how it went, or is going
@@ -29,22 +29,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
-    """Tell and draw histories as the command line says; return the exit code."""
-    told: list[str] = []
+    """Print and draw histories as the command line says; return the exit code."""
+    shown: list[str] = []
     live = args.watch and sys.stdout.isatty()
     width = shutil.get_terminal_size().columns if live else None
     while True:
         histories = [read_history(path) for path in args.runs]
         finished = not args.watch or all(history.finished for history in histories)
-        lines = [line[:width] for history in histories for line in described(history)]
-        if lines != told:
+        lines = [line[:width] for history in histories for line in describe(history)]
+        if lines != shown:
             if args.figure:
                 _draw(histories, args.figure)
-            if live and told:  # over what stands there
-                print(f'\x1b[{len(told)}F\x1b[J', end='')
+            if live and shown:  # over what stands there
+                print(f'\x1b[{len(shown)}F\x1b[J', end='')
             if live or finished:
                 print('\n'.join(lines), flush=True)
-            told = lines
+            shown = lines
         if finished:
             return 0
         time.sleep(_LOOK_EVERY)

@@ -17,7 +17,7 @@ EXAMPLES = """
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `policy`."""
-    parser.add_argument('controller', help='controller file, or the name of one in the box')
+    parser.add_argument('controller', help='controller file, or the name of a bundled one')
     parser.add_argument('--robot', default='', help='namespace (default: the shape)')
     parser.add_argument('--voxels-per-process', type=int, default=1, metavar='K',
                         help='of the walk; a process has one enclave (default 1)')

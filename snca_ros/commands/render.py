@@ -10,7 +10,7 @@ from sim_node.errors import InvalidInput
 from snca_ros.bundled import find_controller
 from snca_ros.controller_file import load_controller
 from snca_ros.rendering.encoders import GAP, write_gif, write_mp4, write_strip
-from snca_ros.rendering.film import Film, read_film, shoot
+from snca_ros.rendering.film import Film, film_bag, film_offline
 from snca_ros.rendering.scene import Scene
 
 EXAMPLES = """
@@ -22,14 +22,14 @@ EXAMPLES = """
 
 _N_POSES = 4  # in a strip
 _WIDTHS = {'.gif': 640, '.mp4': 640, '.png': 1280}  # of one robot's pictures
-_MOST = 1920  # of all, if not told
+_MOST = 1920  # of all, unless chosen
 _MOVIE_VIEW, _STRIP_VIEW = 2.4, 1.5  # width of a picture over length of the robot
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `render`."""
     parser.add_argument('walks', nargs='+', metavar='WALK',
-                        help='controller file (.npz), the name of one in the box, or a bag; '
+                        help='controller file (.npz), the name of a bundled one, or a bag; '
                         'several are shown together, on one scale')
     parser.add_argument('out', type=Path, metavar='OUT',
                         help=f'.gif, .mp4, or .png for a strip of {_N_POSES} poses')
@@ -102,6 +102,6 @@ def _film(walk: str, terrain: str | None, moments: np.ndarray) -> Film:
     if Path(walk).is_dir():
         if terrain is not None:
             raise InvalidInput('terrain', terrain, f'none: {walk} is a bag and has its own')
-        return read_film(Path(walk), moments)
+        return film_bag(Path(walk), moments)
     trained = load_controller(find_controller(walk))
-    return shoot(trained, terrain or trained.terrain, moments)
+    return film_offline(trained, terrain or trained.terrain, moments)

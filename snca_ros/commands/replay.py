@@ -24,7 +24,7 @@ _MAX_DURATION = 3600.0
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `replay`."""
     parser.add_argument('source', metavar='CONTROLLER|RUN|BAG',
-                        help='controller file or name of one in the box, run folder of evolve '
+                        help='controller file or name of a bundled one, run folder of evolve '
                         '(its best walks, with the history of the run), or bag')
     parser.add_argument('out', type=Path, nargs='?', metavar='FILE',
                         help='page to write (default replay.html in the run folder or bag; '

@@ -22,7 +22,7 @@ EXAMPLES = """
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `voxels`."""
-    parser.add_argument('controller', help='controller file, or the name of one in the box')
+    parser.add_argument('controller', help='controller file, or the name of a bundled one')
     parser.add_argument('--only', required=True, metavar='VOXELS',
                         help='K/N, the Kth of N shares, or voxel_0_0,voxel_1_0,...')
     parser.add_argument('--real-time', action='store_true',

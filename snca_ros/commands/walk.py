@@ -35,7 +35,7 @@ from snca_ros.web.server import check_port
 VIEW_PORT = 8765
 
 EXAMPLES = """
-  snca walk                                         # the biped in the box, 30 s, in lock-step
+  snca walk                                         # the bundled biped, 30 s, in lock-step
   snca walk runs/tripod/best.npz --terrain hilly-1-10-0 --duration 60
   snca walk --real-time --respawn                   # at 60 Hz; killed voxels come back
   snca walk --view                                  # live on a page; click voxels to kill them
@@ -47,7 +47,7 @@ EXAMPLES = """
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `walk`."""
     parser.add_argument('controller', nargs='?', default=DEFAULT_CONTROLLER,
-                        help='controller file, or the name of one in the box '
+                        help='controller file, or the name of a bundled one '
                         f'(default {DEFAULT_CONTROLLER})')
     parser.add_argument('--duration', type=float, default=30.0,
                         help='simulated seconds to walk (default 30)')

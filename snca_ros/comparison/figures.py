@@ -28,7 +28,7 @@ from snca_ros.comparison.runs import (
     controller_types,
     known_measures,
 )
-from snca_ros.comparison.tables import FAST_PEAK, MOSTLY, told_p
+from snca_ros.comparison.tables import FAST_PEAK, MOSTLY, format_p
 from snca_ros.recording.gait import VIBRATION
 
 INK, PAPER = '#1a1a1a', '#ffffff'
@@ -157,7 +157,7 @@ def _draw_bracket(
     ends = [types.index(c) + aside for c in (contrast.first, contrast.second)]
     foot = at - 0.2 * away
     axes.plot([ends[0], *ends, ends[1]], [foot, at, at, foot], color=INK, linewidth=0.8)
-    text = f'{told_p(contrast.result.p)} ({told_p(contrast.p_holm)})'
+    text = f'{format_p(contrast.result.p)} ({format_p(contrast.p_holm)})'
     axes.text(
         float(np.mean(ends)), at + 0.08 * away, text, ha='center', fontsize=7.5,
         va='bottom' if away > 0.0 else 'top',

@@ -11,7 +11,7 @@ from snca_ros.comparison.tables import (
     contrasts_table,
     factors_table,
     speeds_table,
-    told_lines,
+    titled_list,
     vibration_table,
 )
 
@@ -46,7 +46,7 @@ class Study:
         """Return the tables with the shown contrasts, warnings and missing runs, in Markdown."""
         return '\n\n'.join([
             *(table.markdown() for table in self._with(contrasts_table(self._shown))),
-            *told_lines('Warnings', self.warnings), *told_lines('Missing', self.missing),
+            *titled_list('Warnings', self.warnings), *titled_list('Missing', self.missing),
         ])
 
     def files(self) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""How runs of `evolve` went or are going: their histories, read and told."""
+"""How runs of `evolve` went or are going: their histories, read and described."""
 
 import csv
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ import numpy as np
 from sim_node.errors import InvalidInput
 from snca_ros.evolution.checkpoint import HISTORY
 from snca_ros.evolution.config import RunConfig
-from snca_ros.files import told
+from snca_ros.files import reason_of
 from snca_ros.progress import bars
 
 _WIDTH, _HEIGHT = 60, 4  # of a run's chart [characters]
@@ -63,7 +63,7 @@ def _rows(path: Path) -> np.ndarray:
             header, *rows = csv.reader(file, strict=True)
         table = np.array(rows, dtype=float).reshape(len(rows), len(HISTORY))
     except (OSError, csv.Error) as error:
-        raise InvalidInput('file', told(error), 'the history of a run', str(path)) from None
+        raise InvalidInput('file', reason_of(error), 'the history of a run', str(path)) from None
     except ValueError:
         expected = f'the history of a run: {", ".join(HISTORY)}'
         raise InvalidInput('file', 'other rows', expected, str(path)) from None
@@ -73,8 +73,8 @@ def _rows(path: Path) -> np.ndarray:
     return table
 
 
-def described(history: History) -> list[str]:
-    """Return lines that tell a run: how far it is, and its best v_x so far as a chart."""
+def describe(history: History) -> list[str]:
+    """Return lines that describe a run: how far it is, and its best v_x so far as a chart."""
     rows = history.rows
     if not len(rows):
         return [f'{history.name}: no generation yet']

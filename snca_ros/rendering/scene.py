@@ -20,7 +20,7 @@ class Scene:
 
     Args:
         films: at least one; the shortest counts.
-        labels: one for each film, told with how far its robot went; '' for none.
+        labels: one for each film, shown with how far its robot went; '' for none.
         width: of a robot's picture [pixels].
         relative_width: width of a picture over the length of the longest robot.
     """

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from sim_node.errors import InvalidInput
-from snca_ros.bundled import boxed_controllers
+from snca_ros.bundled import bundled_controllers
 from snca_ros.cell.architecture import Architecture
 from snca_ros.cli import main
 from snca_ros.command_line import BAD_INPUT
@@ -18,7 +18,7 @@ from snca_ros.evolution.checkpoint import HISTORY, RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evolve import evolve
 from snca_ros.evolution.figures import draw_histories
-from snca_ros.evolution.history import described, read_history
+from snca_ros.evolution.history import describe, read_history
 from snca_ros.evolution.workers import IN_PROCESS
 
 CONFIG = RunConfig(
@@ -109,7 +109,7 @@ def test_a_figure_has_best_median_and_range_of_each_run(tmp_path):
 
 
 def test_the_history_in_the_box(tmp_path, capsys):
-    path = boxed_controllers()['biped-U-nD-snn-h'].with_suffix('.csv')
+    path = bundled_controllers()['biped-U-nD-snn-h'].with_suffix('.csv')
     assert main(['history', str(path), '--figure', str(tmp_path / 'history.png')]) == 0
     assert '30000 evaluations, best ' in capsys.readouterr().out
     with Image.open(tmp_path / 'history.png') as figure:
@@ -134,7 +134,7 @@ def test_any_file_is_read_or_refused(tmp_path_factory, content):
     path = tmp_path_factory.getbasetemp() / 'any.csv'
     path.write_bytes(','.join(HISTORY).encode() + b'\n' + content)
     with contextlib.suppress(InvalidInput):
-        described(read_history(path))
+        describe(read_history(path))
 
 
 def test_what_is_no_run_is_named(tmp_path, capsys):

@@ -23,7 +23,7 @@ from snca_ros.command_line import BAD_INPUT
 from snca_ros.controller_file import TrainedController, save_controller
 from snca_ros.recording.offline import record_offline
 from snca_ros.recording.storage import read_storage
-from snca_ros.rendering.film import read_film, shoot
+from snca_ros.rendering.film import film_bag, film_offline
 from snca_ros.rendering.scene import follow
 
 VIEW = View(left=10.0, bottom=0.0, scale=20.0, width=400, height=300)
@@ -76,7 +76,7 @@ def test_a_frame_shows_sky_ground_and_voxels_where_they_are():
 
 
 def test_a_film_is_the_walk(trained):
-    film = shoot(trained, 'flat', np.array([0.0, 0.5, 1.0]))
+    film = film_offline(trained, 'flat', np.array([0.0, 0.5, 1.0]))
     simulation, controller = Simulation('worm-3x1'), trained.controller()
     readings = simulation.reset()
     for _ in range(60):
@@ -90,7 +90,7 @@ def test_a_film_is_the_walk(trained):
 
 def test_the_camera_keeps_the_robot_in_the_picture(trained):
     moments = np.arange(0.0, 4.0, 0.1)
-    films = [shoot(trained, terrain, moments) for terrain in ('hilly-1-10-0', 'flat')]
+    films = [film_offline(trained, terrain, moments) for terrain in ('hilly-1-10-0', 'flat')]
     views = follow(films, 320, 2.4, headroom=2.0)
     assert len({(v.scale, v.width, v.height) for of_film in views for v in of_film}) == 1
     for film, of_film in zip(films, views, strict=True):
@@ -135,20 +135,20 @@ def bag(walk, tmp_path):
 
 def test_a_film_of_a_bag_is_the_walk_that_was_recorded(bag, walk, trained):
     moments = np.array([0.0, 0.5, 1.0, 1.02, 1.95, 2.0, 3.0])
-    film = read_film(bag, moments)
+    film = film_bag(bag, moments)
     np.testing.assert_array_equal(film.times, np.array([0, 30, 60, 61, 117, 120]) / 60)
     shown = [0, 30, 60, 60, 116, 120]  # markers come every other step; the walk ends before 3 s
     np.testing.assert_array_equal(film.centers, walk.centers[shown])
     np.testing.assert_array_equal(film.corners, walk.corners[shown])
     np.testing.assert_array_equal(film.terrain.y, walk.ground[:, 1])
-    offline = shoot(trained, 'hilly-1-10-0', np.array(shown[:-1]) / 60)
+    offline = film_offline(trained, 'hilly-1-10-0', np.array(shown[:-1]) / 60)
     np.testing.assert_array_equal(film.colors[:-1], offline.colors)
 
 
 def test_a_film_is_of_the_last_episode(walk, tmp_path):
     other = replace(walk, corners=walk.corners + 1.0)
     steps = messages_of_walk(other)[:60] + messages_of_walk(walk)
-    film = read_film(write_messages(tmp_path / 'reset', steps), np.array([0.0, 0.1]))
+    film = film_bag(write_messages(tmp_path / 'reset', steps), np.array([0.0, 0.1]))
     np.testing.assert_array_equal(film.corners, walk.corners[[0, 6]])
 
 
@@ -180,7 +180,7 @@ def test_damaged_markers_are_refused_or_drawn(bag, data):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr('snca_ros.recording.bag.read_storage', lambda path: (topics, closed))
         try:
-            film = read_film(bag, np.array([0.0, 0.05, 0.1]))
+            film = film_bag(bag, np.array([0.0, 0.05, 0.1]))
         except InvalidInput:
             return
     assert film.corners.shape == (3, 3, 4, 2)

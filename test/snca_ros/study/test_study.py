@@ -28,8 +28,8 @@ from snca_ros.comparison.runs import (
 from snca_ros.comparison.tables import (
     champions_table,
     factors_table,
+    format_p,
     speeds_table,
-    told_p,
     vibration_table,
 )
 
@@ -428,7 +428,7 @@ def test_of_the_first_tables_the_peak_alone_tells_who_vibrates(tmp_path):
     [(0.0009, '< 0.001'), (0.001, '0.001'), (0.0503, '0.0503'), (0.0496, '0.0496'), (0.3, '0.300')],
 )
 def test_a_p_value_tells_its_side_of_the_level(p, told):
-    assert told_p(p) == told
+    assert format_p(p) == told
 
 
 @pytest.mark.parametrize(

@@ -105,9 +105,9 @@ def test_long_walks_are_thinned_to_a_limit():
 
 def test_the_bytes_are_the_arrays_in_the_order_told():
     frames = make_frames(made_recording())
-    data = zlib.decompress(base64.b64decode(frames.encoded()))
+    data = zlib.decompress(base64.b64decode(frames.encode()))
     begin = 0
-    for told in frames.described():
+    for told in frames.describe():
         dtype = np.dtype(told['type'])
         assert begin % dtype.itemsize == 0
         count = math.prod(told['shape'])
