@@ -7,6 +7,7 @@ is named by a digest of all of these; numba itself adds the processor to the key
 
 import functools
 import hashlib
+import inspect
 import os
 import pickle
 import re
@@ -20,16 +21,12 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from numba.core.caching import (
-    CompileResultCacheImpl,
-    FunctionCache,
-    IndexDataCacheFile,
-    UserWideCacheLocator,
-)
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 
 _DEPENDENCIES = 'numba', 'llvmlite', 'numpy', 'pymunk'
 _NAME = re.compile(r'[0-9a-f]{16}')
 _USED, _DAY, _KEPT = 'used', 86_400.0, 30 * 86_400.0  # stamp of a folder; seconds
+_ROOT = Path(__file__).resolve().parents[2]  # of the two packages
 _SUM = hashlib.sha256().digest_size
 
 
@@ -79,7 +76,7 @@ def _digest() -> str:
     digest = hashlib.sha256(sys.version.encode())
     for name in _DEPENDENCIES:
         digest.update(f'{name} {metadata.version(name)}\n'.encode())
-    for source in sources(Path(__file__).resolve().parents[2]):
+    for source in sources(_ROOT):
         digest.update(source)
     return digest.hexdigest()[:16]
 
@@ -158,16 +155,37 @@ def _imports(source: bytes) -> set[str]:
     return found
 
 
-class _Locator(UserWideCacheLocator):
-    """Puts the code of a module below `folder`."""
+class _Place:
+    """Where the code of one function lies, and what it must not be older than (numba's locator)."""
 
-    def __init__(self, py_func: Any, py_file: str) -> None:
-        self._py_file, self._lineno = py_file, py_func.__code__.co_firstlineno
-        self._cache_path = os.path.join(str(folder()), self.get_suitable_cache_subpath(py_file))
+    def __init__(self, function: Any) -> None:
+        source, module = Path(inspect.getfile(function)).resolve(), function.__module__
+        self._line = function.__code__.co_firstlineno
+        self._stamp = ''
+        if not source.is_relative_to(_ROOT):  # its text is no part of the digest
+            self._stamp = hashlib.sha256(source.read_bytes()).hexdigest()
+            module += '-' + hashlib.sha256(str(source).encode()).hexdigest()[:16]
+        self._path = os.path.join(str(folder()), module)
+
+    def ensure_cache_path(self) -> None:
+        os.makedirs(self._path, exist_ok=True)
+
+    def get_cache_path(self) -> str:
+        return self._path
+
+    def get_source_stamp(self) -> str:
+        return self._stamp
+
+    def get_disambiguator(self) -> str:
+        return str(self._line)
 
 
 class _Results(CompileResultCacheImpl):
-    _locator_classes = [_Locator]  # noqa: RUF012 -- as numba declares it
+    """Turns compiled code into data and back, as numba does, for files in a place of our own."""
+
+    def __init__(self, function: Any) -> None:
+        self._locator = _Place(function)
+        self._filename_base = self.get_filename_base(function.__qualname__, sys.abiflags)
 
 
 class _CheckedFiles(IndexDataCacheFile):
