@@ -46,6 +46,17 @@ def test_every_command_and_node_has_a_module():
         assert (ROOT / (module.replace('.', '/') + '.py')).is_file()
 
 
+def test_command_lines_are_read_in_commands_alone():
+    readers = {
+        str(path.relative_to(ROOT)) for package in ('sim_node', 'snca_ros')
+        for path in (ROOT / package).rglob('*.py') if 'import argparse' in path.read_text()
+    }
+    elsewhere = {name for name in readers if not name.startswith('snca_ros/commands/')}
+    assert elsewhere == {'snca_ros/command_line.py', 'snca_ros/nodes/voxel.py'}
+    commands = {f'snca_ros/commands/{name}.py' for name in cli.COMMANDS}
+    assert readers - elsewhere == {*commands, 'snca_ros/commands/worker_options.py'}
+
+
 @pytest.mark.parametrize(
     ('typo', 'meant'),
     [
