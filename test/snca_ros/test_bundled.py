@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
-from made_up_results import PAPER_TYPES, made_up_row, write_results
+from support.made_up_results import PAPER_TYPES, made_up_row, write_results
 
 from scripts import fill_box
 from sim_node.simulation import Simulation

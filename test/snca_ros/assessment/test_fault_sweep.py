@@ -4,7 +4,7 @@ import csv
 
 import numpy as np
 import pytest
-from test_assess import assess, trained_worm, worms  # noqa: F401
+from test_trials import assess, trained_worm, worms  # noqa: F401
 
 from sim_node.errors import InvalidInput
 from snca_ros.assessment.fault_sweep import COLUMNS, parse_sweep, table

@@ -15,7 +15,7 @@ import yaml
 import snca_ros
 from snca_ros import cli
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ET.parse(ROOT / 'package.xml').getroot()
 PARTS = (
     'benchmarks', 'config', 'docs', 'launch', 'resource', 'results', 'scripts', 'sim_node',

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_bag import Walk, messages_of_walk, write_messages
+from support.synthetic_bag import Walk, messages_of_walk, write_messages
 from test_frames import made_recording
 
 from sim_node.model.morphology import parse_morphology
