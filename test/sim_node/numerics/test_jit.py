@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from support.paths import ROOT
 
 from sim_node.numerics.jit import _sources
 
@@ -43,7 +44,7 @@ def test_what_only_calls_compiled_code_does_not(house: Path, name: str) -> None:
 
 
 def test_the_real_sources_hold_kernels_and_their_constants() -> None:
-    sources = b'\n'.join(_sources(Path(__file__).parents[3]))
+    sources = b'\n'.join(_sources(ROOT))
     assert b'def advance_group' in sources
     assert b'CONTROL_RATE = ' in sources
     assert b'import rclpy' not in sources
