@@ -35,7 +35,7 @@ lint: $(TOOLS)  ## style and types
 	$(BIN)/mypy
 
 unit: $(TOOLS)  ## the tests: unit tests, then graphs of real processes
-	$(BIN)/python -m pytest -n auto --dist loadfile test/sim_node test/snca_ros
+	$(BIN)/python -m pytest -n auto --dist loadfile test --ignore=test/graph
 	$(BIN)/python -m pytest -n auto --dist worksteal test/graph
 
 bench: $(TOOLS)  ## speed of episodes, evolution and graphs, ratios first; writes bench.json
