@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from snca_ros.assessment.fault_sweep import Sweep
 from snca_ros.assessment.trials import summary
+from snca_ros.figures import legend_above
 
 
 def draw_scores(
@@ -32,7 +33,7 @@ def draw_scores(
     axes.invert_yaxis()
     axes.grid(axis='x', linewidth=0.5)
     axes.set_xlabel('v_x [m/s]')
-    figure.legend(loc='outside upper left', fontsize=8)
+    legend_above(axes)
     return figure
 
 
@@ -65,5 +66,5 @@ def draw_sweeps(
         axes.tick_params(labelsize=8)
     for axes in panels[::n_columns]:
         axes.set_ylabel('v_x [m/s]', fontsize=8)
-    figure.legend(loc='outside upper left', fontsize=8)
+    legend_above(panels[0], 1.04)
     return figure

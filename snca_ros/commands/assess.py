@@ -69,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Assess as the command line says; return the exit code."""
-    from snca_ros.recording.figures import check_figure  # matplotlib loads slowly
+    from snca_ros.figures import check_figure  # matplotlib loads slowly
 
     opened = open_workers(args, parser)
     if args.starts is None:
@@ -112,7 +112,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         write_csv(args.csv, COLUMNS, [(*e, v) for e, v in zip(each, v_x.tolist(), strict=True)])
     if args.figure:
         from snca_ros.assessment.figures import draw_scores
-        from snca_ros.recording.figures import write_figure
+        from snca_ros.figures import write_figure
 
         write_figure(draw_scores(args.controllers, names, scores), args.figure)
     return 0
@@ -166,7 +166,7 @@ def _assess_faults(
         write_csv(args.csv, fault_sweep.COLUMNS, rows)
     if args.figure:
         from snca_ros.assessment.figures import draw_sweeps
-        from snca_ros.recording.figures import write_figure
+        from snca_ros.figures import write_figure
 
         write_figure(draw_sweeps(args.controllers, sweeps, scores), args.figure)
     return 0

@@ -52,7 +52,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
 def _draw(histories: Sequence[History], path: Path) -> None:
     from snca_ros.evolution.figures import draw_histories  # matplotlib loads slowly
-    from snca_ros.recording.figures import write_figure
+    from snca_ros.figures import write_figure
 
     names, tables = [h.name for h in histories], [h.rows for h in histories]
     write_figure(draw_histories(names, tables), path)

@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Report as the command line says; return the exit code."""
-    from snca_ros.recording.figures import check_figure  # matplotlib loads slowly
+    from snca_ros.figures import check_figure  # matplotlib loads slowly
 
     if args.figure:
         check_figure(args.figure)
@@ -59,7 +59,8 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
 def print_report(recording: Recording, gait: Gait, figure: Path) -> None:
     """Print what a recording tells, and draw it into the file `figure`."""
-    from snca_ros.recording.figures import draw_recording, write_figure
+    from snca_ros.figures import write_figure
+    from snca_ros.recording.figures import draw_recording
 
     print('\n'.join(report_lines(recording, gait)), flush=True)
     write_figure(draw_recording(recording), figure)

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from snca_ros.figures import legend_above
+
 
 def draw_histories(names: Sequence[str], tables: Sequence[np.ndarray]) -> Figure:
     """Return a figure of runs: best v_x so far, and median and range of each generation.
@@ -26,5 +28,5 @@ def draw_histories(names: Sequence[str], tables: Sequence[np.ndarray]) -> Figure
     axes.set(xlabel='evaluations', ylabel='v_x [m/s]')
     axes.set_title('best so far (bold), median and range of a generation', loc='left', fontsize=9)
     axes.grid(linewidth=0.4, alpha=0.5)
-    figure.legend(loc='outside upper left', fontsize=8)
+    legend_above(axes, 1.07)
     return figure

@@ -1,16 +1,12 @@
-"""Pictures of a recorded walk, panel by panel; pictures as files."""
+"""Pictures of a recorded walk, panel by panel."""
 
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from sim_node.control_time import CONTROL_RATE
-from sim_node.errors import InvalidInput
-from snca_ros.files import check_writable, write_atomically
 from snca_ros.recording.bag import Recording
 from snca_ros.recording.gait import area_ratios, spike_times
 
@@ -19,32 +15,6 @@ WINDOW = 4.0
 
 _BLUE, _GREY = '#0072B2', '0.55'
 _AREA_RANGE = 0.25
-
-
-def check_figure(path: Path) -> str:
-    """Return the format that the suffix of `path` names.
-
-    Raises:
-        InvalidInput: it names none, or `path` cannot be written.
-    """
-    kinds, kind = FigureCanvasBase.get_supported_filetypes(), path.suffix[1:].lower()
-    if kind not in kinds:
-        raise InvalidInput('figure', str(path), f'a name that ends in .{", .".join(kinds)}')
-    check_writable('figure', path)
-    return kind
-
-
-def write_figure(figure: Figure, path: Path) -> None:
-    """Write `figure` to `path`, atomically; its suffix tells the format.
-
-    Raises:
-        InvalidInput: `path` has an unknown suffix or cannot be written.
-    """
-    kind = check_figure(path)
-    try:
-        write_atomically(path, lambda file: figure.savefig(file, format=kind, dpi=120))
-    except OSError as error:
-        raise InvalidInput('figure', f'{path}: {error.strerror}', 'a place to write') from None
 
 
 def draw_recording(recording: Recording) -> Figure:

@@ -13,10 +13,10 @@ import sys
 import numpy as np
 import pytest
 import yaml
-from conftest import ROOT
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
+from support.paths import ROOT
 
 from snca_ros.bundled import find_controller
 from snca_ros.controller_file import load_controller

@@ -10,6 +10,7 @@ import pymunk
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.paths import ROOT
 
 from sim_node.errors import InvalidInput
 from sim_node.model.material import Material
@@ -18,9 +19,6 @@ from sim_node.model.solver import ENGINES, Solver
 from sim_node.model.terrain import parse_terrain
 from sim_node.munk2d.pymunk_view import pymunk_view
 from sim_node.simulation import Diverged, Simulation
-
-ROOT = Path(__file__).resolve().parents[2]
-
 
 EXPLICIT = Solver(physics='first')
 """Explicit springs, which can diverge."""

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from imageio_ffmpeg import read_frames
 from PIL import Image
-from synthetic_bag import Walk, make_walk, messages_of_walk, write_messages
+from support.synthetic_bag import Walk, make_walk, messages_of_walk, write_messages
 
 from sim_node.drawing import View, area_colors, draw_frame
 from sim_node.errors import InvalidInput

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from tiny_campaign import (
+from support.tiny_campaign import (
     LIMIT,
     TINY,
     contents,

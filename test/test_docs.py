@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
-from made_up_results import paper_rows, write_results
+from support.made_up_results import paper_rows, write_results
 
 from docs import concept_pictures, study_figures
 from docs.concept_pictures import DRAWINGS

@@ -2,10 +2,10 @@
 
 import csv
 import re
-from pathlib import Path
 
 import pytest
-from made_up_results import PAPER_TYPES, made_up_row, write_results
+from support.made_up_results import PAPER_TYPES, made_up_row, write_results
+from support.paths import ROOT
 
 from scripts import fill_box
 from sim_node.simulation import Simulation
@@ -14,7 +14,6 @@ from snca_ros.controller_file import load_controller
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.episode import run_episode
 
-ROOT = Path(__file__).resolve().parents[2]
 BOX, RESULTS = ROOT / 'config' / 'controllers', ROOT / 'results' / 'first-physics' / 'paper'
 NAMES = [path.stem for path in sorted(BOX.glob('*.npz'))]
 

@@ -9,10 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import synthetic_bag
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic_bag import (
+from support import synthetic_bag
+from support.synthetic_bag import (
     STORAGES,
     TYPES,
     Walk,

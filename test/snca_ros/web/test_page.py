@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_bag import Walk, messages_of_walk, write_messages
-from test_frames import made_recording
+from support.made_recording import made_recording
+from support.synthetic_bag import Walk, messages_of_walk, write_messages
 
 from sim_node.model.morphology import parse_morphology
 from sim_node.model.physics import PHYSICS

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from synthetic_bag import Walk, make_walk, messages_of_walk, write_messages
+from support.synthetic_bag import Walk, make_walk, messages_of_walk, write_messages
 
 from sim_node.model.sensors import soft_normalise
 from sim_node.simulation import Simulation

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from reference_cell import (
+from support.reference_cell import (
     DIRECTIONS,
     OPPOSITE,
     ActuationDecoder,

@@ -8,6 +8,7 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from support.paths import CONFIG, ROOT
 
 from sim_node.errors import InvalidInput
 from sim_node.model.solver import Solver
@@ -17,7 +18,7 @@ from snca_ros.campaign.specification import read_campaign
 from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.config import RunConfig
 
-EXPERIMENTS = Path(__file__).resolve().parents[3] / 'config' / 'experiments'
+EXPERIMENTS = CONFIG / 'experiments'
 
 GOOD = {'shape': 'worm', 'architecture': 'U-D', 'neuron_model': 'mlp'}
 
@@ -51,7 +52,7 @@ def test_the_papers_second_campaign_shares_runs_of_the_first():
 
 
 def test_results_of_the_first_physics_are_those_of_campaigns_that_name_it():
-    results = EXPERIMENTS.parents[1] / 'results' / 'first-physics'
+    results = ROOT / 'results' / 'first-physics'
     campaigns = {
         'first-physics/paper-main': ('paper', 90), 'as-printed': ('as_printed', 3),
         'first-physics/paper-supplement': ('paper', 60 + 36), 'engines': ('engines', 20),

@@ -10,7 +10,16 @@ from concurrent.futures import BrokenExecutor
 
 import numpy as np
 import pytest
-from tiny_campaign import LIMIT, ROOT, contents, generations, start, wait_until, work, write_file
+from support.tiny_campaign import (
+    LIMIT,
+    ROOT,
+    contents,
+    generations,
+    start,
+    wait_until,
+    work,
+    write_file,
+)
 
 from snca_ros import cli
 from snca_ros.cell.architecture import Architecture

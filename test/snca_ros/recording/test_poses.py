@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_bag import TYPES, make_walk, markers, messages_of_walk, write_messages
+from support.synthetic_bag import TYPES, make_walk, markers, messages_of_walk, write_messages
 
 from sim_node.model.morphology import parse_morphology
 from sim_node.model.physics import PHYSICS

@@ -4,7 +4,7 @@ import csv
 
 import numpy as np
 import pytest
-from test_assess import assess, trained_worm, worms  # noqa: F401
+from support.assessment import assess, trained_worm
 
 from sim_node.errors import InvalidInput
 from snca_ros.assessment.fault_sweep import COLUMNS, parse_sweep, table
@@ -43,7 +43,7 @@ def test_bad_sweeps_are_refused(text):
         parse_sweep(text)
 
 
-def test_table_csv_and_figure_tell_the_same(worms, tmp_path, capsys):  # noqa: F811
+def test_table_csv_and_figure_tell_the_same(worms, tmp_path, capsys):
     texts = ['loss=0..0.8..0.4,seed=5', 'broken_actuators=zero:0..1..0.5']
     code, out, err = assess(
         *worms, '--faults', texts[0], '--faults', texts[1], '--starts', 1, '--workers', 1,

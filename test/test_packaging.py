@@ -7,15 +7,14 @@ import sys
 import tarfile
 import xml.etree.ElementTree as ET
 import zipfile
-from pathlib import Path
 
 import pytest
 import yaml
+from support.paths import ROOT
 
 import snca_ros
 from snca_ros import cli
 
-ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ET.parse(ROOT / 'package.xml').getroot()
 PARTS = (
     'benchmarks', 'config', 'docs', 'launch', 'resource', 'results', 'scripts', 'sim_node',

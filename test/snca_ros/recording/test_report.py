@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from PIL import Image
-from synthetic_bag import Walk, diagnostics, make_walk, messages_of_walk, write_messages
+from support.synthetic_bag import Walk, diagnostics, make_walk, messages_of_walk, write_messages
 
 from snca_ros.cli import main
 from snca_ros.command_line import BAD_INPUT

@@ -4,36 +4,15 @@ import csv
 
 import numpy as np
 import pytest
+from support.assessment import assess, trained_worm
 
 from sim_node.model.terrain import UNSEEN_KINDS, UNSEEN_TERRAINS, unseen_terrains
 from sim_node.simulation import Simulation
-from snca_ros import cli
 from snca_ros.assessment.trials import COLUMNS, Trial, run_trials, score, summary, table
 from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
-from snca_ros.cell.architecture import Architecture
-from snca_ros.controller_file import TrainedController, load_controller, save_controller
+from snca_ros.controller_file import load_controller
 from snca_ros.evolution.episode import run_episode
 from snca_ros.evolution.workers import IN_PROCESS, local_workers
-
-
-def trained_worm(seed=0):
-    simulation = Simulation('worm-3x1')
-    architecture = Architecture.named('U-D', 'mlp')
-    theta = np.random.default_rng(seed).uniform(-1.0, 1.0, architecture.n_parameters(3))
-    return TrainedController(architecture, simulation.morphology, theta)
-
-
-@pytest.fixture
-def worms(tmp_path):
-    """Two controller files of a small worm."""
-    for seed in range(2):
-        save_controller(tmp_path / f'{seed}.npz', trained_worm(seed))
-    return [str(tmp_path / f'{seed}.npz') for seed in range(2)]
-
-
-def assess(*arguments, capsys):
-    code = cli.main(['assess', *map(str, arguments)])
-    return code, *capsys.readouterr()
 
 
 @pytest.mark.parametrize('engine', ['pymunk', 'batched'])

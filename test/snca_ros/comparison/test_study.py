@@ -10,7 +10,7 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from made_up_results import PAPER_TYPES, first_row, made_up_row, paper_rows, write_results
+from support.made_up_results import PAPER_TYPES, first_row, made_up_row, paper_rows, write_results
 
 from sim_node.errors import InvalidInput
 from snca_ros import cli

@@ -6,7 +6,7 @@ import csv
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made_up_results import first_row, made_up_run, write_results
+from support.made_up_results import first_row, made_up_run, write_results
 
 from sim_node.errors import InvalidInput
 from sim_node.model.terrain import UNSEEN_KINDS
