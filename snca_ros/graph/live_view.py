@@ -35,11 +35,16 @@ class LiveView:
         self._server = PageServer(port, page)
         self._node = ViewNode(robot, trained, self._server.tell)
         self._processes = {name: p for p in running.graph.voxels for name in p.names}
+        self._killed: set[NodeProcess] = set()
         self.address = self._server.address
 
     def spin_once(self) -> None:
         """Do what is due, within a frame's time."""
         rclpy.spin_once(self._node, timeout_sec=PERIOD)
+        for process in [p for p in self._killed if self._running.exit_code(p) is None]:
+            self._killed.remove(process)  # started again, by the page or to respawn it
+            for name in process.names:
+                self._node.note_started(name)
         while not self._server.commands.empty():
             command = self._server.commands.get()
             process = self._processes.get(str(command.get('voxel')))
@@ -52,11 +57,12 @@ class LiveView:
             return
         if action in ('kill', 'noise'):
             self._running.kill(process)
+            self._killed.add(process)
+            for name in process.names:
+                self._node.note_killed(name)
         if action in ('revive', 'noise') and self._running.exit_code(process) is not None:
             disturbed = {'loss': LOSS} if action == 'noise' else {}
             self._running.start_again(process, **disturbed)
-        for name in process.names:
-            self._node.say(name, {'kill': 'killed'}.get(action, 'starting'))
 
     def close(self) -> None:
         """Close the page's connections and the port."""

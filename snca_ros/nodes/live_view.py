@@ -63,19 +63,27 @@ class ViewNode(RosNode):
             'area': [None] * len(voxels), 'touch': [None] * len(voxels),
             'actuation': [None] * len(voxels), 'health': {},
         }
+        self._killed: set[str] = set()
         self.create_subscription(DiagnosticArray, '/diagnostics', self._note_health, 100)
         self.create_timer(PERIOD, self._look)
 
     def _note_health(self, message: DiagnosticArray) -> None:
         prefix = self.get_namespace() + '/'
         for status in message.status:
-            if status.name.startswith(prefix):
+            node = status.name.removeprefix(prefix)
+            if status.name.startswith(prefix) and node not in self._killed:
                 words = int.from_bytes(status.level, 'little'), status.message
-                self._frame['health'][status.name.removeprefix(prefix)] = words
+                self._frame['health'][node] = words
 
-    def say(self, node: str, words: str) -> None:
-        """Tell of a node that cannot speak for itself; until it does."""
-        self._frame['health'][node] = 2, words
+    def note_killed(self, node: str) -> None:
+        """Note that a node was killed: what it has said before, and comes now, is not shown."""
+        self._killed.add(node)
+        self._frame['health'][node] = 2, 'killed'
+
+    def note_started(self, node: str) -> None:
+        """Note that a node was started again: it is starting until it says more."""
+        self._killed.discard(node)
+        self._frame['health'][node] = 2, 'starting'
 
     def _look(self) -> None:
         """Tell what has come since the last look."""
