@@ -16,7 +16,7 @@ from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import EPISODE
 from snca_ros.evolution.workers import Workers
 from snca_ros.faults import Faults, parse_faults
-from snca_ros.recording.figures import write_figure
+from snca_ros.recording.figures import legend_above, write_figure
 
 COLUMNS = ('controller', 'faults', 'x', 'terrain', 'engine', 'start', 'v_x')
 """Of the CSV, a row per episode; x is the value of the fault that grows."""
@@ -166,5 +166,5 @@ def draw_sweeps(
         axes.tick_params(labelsize=8)
     for axes in panels[::n_columns]:
         axes.set_ylabel('v_x [m/s]', fontsize=8)
-    figure.legend(loc='outside upper left', fontsize=8)
+    legend_above(panels[0], 1.04)
     return figure

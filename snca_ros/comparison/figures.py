@@ -127,7 +127,9 @@ def _draw_boxes(
         Patch(facecolor=_GREY, alpha=alpha, edgecolor=INK, label=MEASURES[measure])
         for measure, (_, alpha) in _BOXES.items()
     ]
-    figure.legend(handles=named, loc='outside upper right', ncols=len(named), fontsize=7.5)
+    axes.legend(
+        handles=named, loc='lower right', bbox_to_anchor=(1.0, 1.0), ncol=len(named), fontsize=7.5
+    )
     return figure
 
 

@@ -71,8 +71,17 @@ def draw_scores(
     axes.invert_yaxis()
     axes.grid(axis='x', linewidth=0.5)
     axes.set_xlabel('v_x [m/s]')
-    figure.legend(loc='outside upper left', fontsize=8)
+    legend_above(axes)
     return figure
+
+
+def legend_above(axes: Axes, at: float = 1.01) -> None:
+    """Put the legend of a panel above it, from its upper left corner on.
+
+    `at` is the height, in heights of the panel. matplotlib before 3.7 has no legend of a figure
+    that panels make room for.
+    """
+    axes.legend(loc='lower left', bbox_to_anchor=(0.0, at), borderaxespad=0.0, fontsize=8)
 
 
 def draw_histories(names: Sequence[str], tables: Sequence[np.ndarray]) -> Figure:
@@ -95,7 +104,7 @@ def draw_histories(names: Sequence[str], tables: Sequence[np.ndarray]) -> Figure
     axes.set(xlabel='evaluations', ylabel='v_x [m/s]')
     axes.set_title('best so far (bold), median and range of a generation', loc='left', fontsize=9)
     axes.grid(linewidth=0.4, alpha=0.5)
-    figure.legend(loc='outside upper left', fontsize=8)
+    legend_above(axes, 1.07)
     return figure
 
 

@@ -12,7 +12,9 @@ from sim_node.model.material import Material
 from sim_node.model.morphology import parse_morphology
 from sim_node.model.solver import Solver
 from sim_node.model.terrain import parse_terrain
+from sim_node.munk2d import soft_spring
 from sim_node.munk2d.pymunk_view import pymunk_view
+from sim_node.munk2d.soft_spring import SPRING as SPRING_STRUCT
 from sim_node.munk2d.space import Space
 from sim_node.simulation import Simulation
 
@@ -181,3 +183,17 @@ def test_stiff_springs_under_violent_actuation_stay_near_their_range(engine):
         assert np.isfinite(sim.step(rng.choice([-1.0, 1.0], 10))).all()
         largest = max(largest, sim.world.area_ratios.max())
     assert largest < 1.5
+
+
+def test_a_munk2d_of_another_layout_is_refused(monkeypatch):
+    fields = [(name, *SPRING_STRUCT.fields[name]) for name in SPRING_STRUCT.names]
+    for swapped in (('rest', 'stiffness'), ('arm_a', 'arm_b'), ('target', 'share')):
+        names = [dict(zip(swapped, swapped[::-1], strict=True)).get(f[0], f[0]) for f in fields]
+        layout = np.dtype({
+            'names': names, 'formats': [f[1] for f in fields], 'offsets': [f[2] for f in fields],
+        })
+        monkeypatch.setattr(soft_spring, 'SPRING', layout)
+        with pytest.raises(ImportError, match='pymunk keeps its springs in another form'):
+            soft_spring._functions()
+    monkeypatch.setattr(soft_spring, 'SPRING', SPRING_STRUCT)
+    assert soft_spring._functions().tolist() == soft_spring.FUNCTIONS.tolist()
