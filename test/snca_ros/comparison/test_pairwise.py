@@ -14,7 +14,7 @@ from snca_ros.comparison.runs import (
 )
 from snca_ros.comparison.tables import (
     factors_table,
-    told_p,
+    format_p,
 )
 
 
@@ -102,4 +102,4 @@ def test_types_with_settings_are_compared_with_their_like(tmp_path):
     [(0.0009, '< 0.001'), (0.001, '0.001'), (0.0503, '0.0503'), (0.0496, '0.0496'), (0.3, '0.300')],
 )
 def test_a_p_value_tells_its_side_of_the_level(p, told):
-    assert told_p(p) == told
+    assert format_p(p) == told
