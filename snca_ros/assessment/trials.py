@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from sim_node.control_time import CONTROL_RATE
+from sim_node.engine import DEFAULT_ENGINE, ENGINES, check_engine
 from sim_node.errors import InvalidInput
-from sim_node.model.solver import ENGINES, check_engine
 from sim_node.model.terrain import UNSEEN_TERRAINS, parse_terrain, unseen_terrains
 from sim_node.numerics.jit import warm_up
 from sim_node.simulation import Simulation
@@ -49,7 +49,7 @@ class Trial:
     Attributes:
         trained: the controller, and the body that it was trained for.
         terrain: name of the ground.
-        engine: one of `sim_node.model.solver.ENGINES`.
+        engine: one of `sim_node.engine.ENGINES`.
         start: 0, or the number of a pushed start, see `Simulation`.
         faults: what goes wrong.
         duration, transient: of the episode [s], and what its score ignores at the start [s].
@@ -57,7 +57,7 @@ class Trial:
 
     trained: TrainedController
     terrain: str
-    engine: str = 'pymunk'
+    engine: str = DEFAULT_ENGINE
     start: int = 0
     faults: Faults = NO_FAULTS
     duration: float = EPISODE
@@ -95,7 +95,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--terrain-seeds', type=int, metavar='N',
                         help='N seeds of each irregular unseen terrain: mean of each kind, and of '
                         'all kinds (default 1)')
-    parser.add_argument('--engine', default='pymunk', help=f'{", ".join(ENGINES)} (default pymunk)')
+    parser.add_argument('--engine', default=DEFAULT_ENGINE,
+                        help=f'{", ".join(ENGINES)} (default {DEFAULT_ENGINE})')
     parser.add_argument('--starts', type=int, metavar='N',
                         help='also walk from N pushed starts: mean and standard deviation '
                         f'(default 0; with --faults {FAULTY_STARTS})')

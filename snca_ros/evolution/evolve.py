@@ -11,10 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from sim_node.engine import DEFAULT_ENGINE, ENGINES, check_engine
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import SHAPES
 from sim_node.model.physics import DEFAULT_PHYSICS, PHYSICS
-from sim_node.model.solver import ENGINES, Solver, check_engine
+from sim_node.model.solver import Solver
 from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS, Architecture
 from snca_ros.evolution.checkpoint import Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
@@ -155,7 +156,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     new.add_argument('--strategy', help=f'{", ".join(STRATEGIES)} (default es, the paper\'s)')
     new.add_argument('--population', type=int, help='individuals per generation (default 36)')
     new.add_argument('--sigma', type=float, help='spread of the children (default 0.35)')
-    new.add_argument('--engine', help=f'{", ".join(ENGINES)}: what scores (default pymunk)')
+    new.add_argument('--engine',
+                     help=f'{", ".join(ENGINES)}: what scores (default {DEFAULT_ENGINE})')
     new.add_argument('--physics', help=f'{", ".join(PHYSICS)} (default {DEFAULT_PHYSICS})')
     new.add_argument('--duration', type=float, help='seconds of an episode (default 30)')
     new.add_argument('--transient', type=float, help='seconds not scored (default 5)')
