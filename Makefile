@@ -50,8 +50,9 @@ oldest:  ## tests of what the oldest supported numpy, matplotlib, scipy and numb
 bench: $(TOOLS)  ## speed of episodes, evolution and graphs, ratios first; writes bench.json
 	$(BIN)/python -m benchmarks --json bench.json
 
-docs: $(TOOLS)  ## fill the generated sections of docs/ anew, draw its figures of campaigns
+docs: $(TOOLS)  ## fill the generated sections of docs/ anew, draw its figures and the architecture
 	$(BIN)/python -m docs.refresh
+	$(BIN)/python -m docs.draw_architecture
 	$(BIN)/python -m docs.study_figures
 
 api: $(TOOLS)  ## all docstrings as pages in build/api, by pdoc

@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from sim_node.engine import ENGINES
 from sim_node.errors import InvalidInput, check_keys, check_name
 from sim_node.model.body_file import FORMAT_VERSION, body_of, check_version, field_of, read_archive
 from sim_node.model.material import Material
 from sim_node.model.morphology import Morphology
-from sim_node.model.solver import ENGINES, Solver
+from sim_node.model.solver import Solver
 from snca_ros import __version__
 from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller

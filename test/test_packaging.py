@@ -78,7 +78,7 @@ def test_wheel_has_all_modules_all_that_nodes_load_and_nothing_else(built):
 def test_sdist_has_what_builds_tests_and_explains(built):
     _, sources, _ = built
     wanted = files_in('sim_node', 'snca_ros', 'config', 'launch', 'docs', 'scripts', 'resource')
-    wanted |= {name for name in files_in('test', 'benchmarks') if name.endswith('.py')}
+    wanted |= files_in('test', 'benchmarks')
     wanted |= {path.name for path in ROOT.glob('*.md')}
     wanted |= {'package.xml', 'setup.py', 'setup.cfg', 'pyproject.toml', 'Makefile', 'LICENSE',
                'CHANGELOG.rst', 'CITATION.cff'}

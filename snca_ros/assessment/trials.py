@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sim_node.control_time import CONTROL_RATE
+from sim_node.engine import DEFAULT_ENGINE
 from sim_node.errors import InvalidInput
 from sim_node.numerics.jit import warm_up
 from sim_node.simulation import Simulation
@@ -36,7 +37,7 @@ class Trial:
     Attributes:
         trained: the controller, and the body that it was trained for.
         terrain: name of the ground.
-        engine: one of `sim_node.model.solver.ENGINES`.
+        engine: one of `sim_node.engine.ENGINES`.
         start: 0, or the number of a pushed start, see `Simulation`.
         faults: what goes wrong.
         duration, transient: of the episode [s], and what its score ignores at the start [s].
@@ -44,7 +45,7 @@ class Trial:
 
     trained: TrainedController
     terrain: str
-    engine: str = 'pymunk'
+    engine: str = DEFAULT_ENGINE
     start: int = 0
     faults: Faults = NO_FAULTS
     duration: float = EPISODE

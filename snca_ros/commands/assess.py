@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from sim_node.engine import ENGINES, check_engine
 from sim_node.errors import InvalidInput
-from sim_node.model.solver import ENGINES, check_engine
 from sim_node.model.terrain import UNSEEN_TERRAINS, parse_terrain, unseen_terrains
 from snca_ros.assessment import fault_sweep
 from snca_ros.assessment.fault_sweep import parse_sweep, sweep_trials

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import shtab
 
+from sim_node.engine import ENGINES
 from sim_node.errors import InvalidInput, check_name
 from sim_node.model.morphology import SHAPES
-from sim_node.model.solver import ENGINES
 from sim_node.model.terrain import UNSEEN_TERRAINS
 from snca_ros.bundled import bundled_controllers
 from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from sim_node.engine import ENGINES
 from sim_node.model.morphology import SHAPES
 from sim_node.model.physics import DEFAULT_PHYSICS, PHYSICS
-from sim_node.model.solver import ENGINES, Solver
+from sim_node.model.solver import Solver
 from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS, Architecture
 from snca_ros.command_line import INTERRUPTED
 from snca_ros.commands.worker_options import add_worker_arguments, open_workers

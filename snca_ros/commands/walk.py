@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from sim_node.engine import DEFAULT_ENGINE, ENGINES
 from sim_node.errors import InvalidInput, check_name
 from sim_node.model.morphology import parse_morphology
-from sim_node.model.solver import ENGINES
 from sim_node.ros import security
 from sim_node.simulation import Simulation
 from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='start voxels again that were killed')
     parser.add_argument('--terrain', default='', help='default: the one it was evolved on')
     parser.add_argument('--engine', default='',
-                        help=f'{", ".join(ENGINES)} (default {ENGINES[0]})')
+                        help=f'{", ".join(ENGINES)} (default {DEFAULT_ENGINE})')
     parser.add_argument('--shape', help='refuse a controller of another shape than this')
     parser.add_argument('--robot', default='', help='namespace (default: the shape)')
     parser.add_argument('--voxels-per-process', type=int, default=1, metavar='K',
@@ -99,7 +99,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     bag = args.bag or Path('bags') / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'
     if not args.no_bag:
         check_new_bag(bag)
-    engine = args.engine or ENGINES[0]
+    engine = args.engine or DEFAULT_ENGINE
     faults = parse_faults(args.faults)
     options = WalkOptions(
         robot, args.terrain, engine, args.duration, args.real_time, args.voxels_per_process,

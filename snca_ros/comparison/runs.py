@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from sim_node.engine import ENGINES
 from sim_node.errors import InvalidInput, check_name
 from sim_node.model.physics import PHYSICS
-from sim_node.model.solver import ENGINES
 from sim_node.model.terrain import TERRAIN_SETS
 from snca_ros.campaign.columns import unusual_cell
 from snca_ros.campaign.results import read_rows

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from sim_node.engine import check_engine
 from sim_node.errors import InvalidInput
-from sim_node.model.solver import check_engine
 from snca_ros.evolution.checkpoint import Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evaluator import evaluate

@@ -40,6 +40,13 @@ from snca_ros.graph.description import Graph, WalkOptions, describe_graph  # noq
 DEADLINE = 60.0
 
 
+def pytest_collection_modifyitems(items):
+    """Mark all tests of this folder; the hook is given those of others, too."""
+    for item in items:
+        if item.path.is_relative_to(Path(__file__).parent):
+            item.add_marker('graph')
+
+
 @pytest.fixture(scope='session', autouse=True)
 def compiled():
     """Compile what nodes need, so that no test's deadline runs meanwhile."""

@@ -11,6 +11,8 @@ from support.processes import TICK, wait_for
 from snca_ros.graph.environment import PROFILE_VARIABLES
 from snca_ros.recording.bag import read_bag
 
+pytestmark = pytest.mark.root
+
 
 class Cable:
     """Two namespaces `hosts`, each with one end of a veth pair; needs root and iproute2."""

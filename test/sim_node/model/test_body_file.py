@@ -1,6 +1,6 @@
 """The body's part of a controller file, read without the cells.
 
-What else damaged files are refused for is in test/snca_ros/test_controller_file.py, which reads
+What else damaged files are refused for is in test/snca_ros/controller_file/, which reads
 the same part.
 """
 

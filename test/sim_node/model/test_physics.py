@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from sim_node.engine import ENGINES
 from sim_node.errors import InvalidInput
 from sim_node.model.physics import DEFAULT_PHYSICS, PHYSICS
-from sim_node.model.solver import ENGINES, Solver
+from sim_node.model.solver import Solver
 from sim_node.munk2d.pymunk_view import pymunk_view
 from sim_node.simulation import Simulation
 
@@ -58,7 +59,7 @@ def test_the_first_touch_of_a_mass_is_that_of_munk2d():
     """A step of Munk2D's own begins with the contacts at the poses that were read before it."""
     sim = Simulation('biped', 'hilly-1-10-1')
     rng = np.random.default_rng(0)
-    view = pymunk_view(sim.space)
+    view = pymunk_view(sim.backend.space)
     masses = list(view.bodies)
     for k in range(400):
         predicted = sim.world.touching.copy()

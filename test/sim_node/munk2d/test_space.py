@@ -117,7 +117,7 @@ def test_handles_follow_the_tables():
 
 def test_what_is_pushed_moves_the_simulated_robot():
     sim = Simulation('1')
-    for mass in pymunk_view(sim.space).bodies:
+    for mass in pymunk_view(sim.backend.space).bodies:
         mass.position += (50.0, 100.0)
         mass.velocity = (3.0, 0.0)
     sim.step([0.0])
@@ -134,12 +134,12 @@ def test_a_space_is_freed_once(monkeypatch):
 
     monkeypatch.setattr(space_module, '_loaded_free', lambda: note)
     sim = Simulation('biped', 'hilly-1-10-0')
-    spaces = [sim.space.handle]
+    spaces = [sim.backend.space.handle]
     sim.reset()
     assert freed == spaces
-    view = pymunk_view(sim.space)
+    view = pymunk_view(sim.backend.space)
     mass = next(iter(view.bodies))
-    spaces.append(sim.space.handle)
+    spaces.append(sim.backend.space.handle)
     del sim, view
     gc.collect()
     assert freed == spaces[:1]  # the mass holds on to its space

@@ -6,6 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.against_reference import COMBINATIONS, HIDDEN, MODELS, make_architecture
+from support.reference_cell import (
+    n_weights_of,
+    sizes_of,
+)
 
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import parse_morphology
@@ -270,3 +275,38 @@ def test_any_value_is_taken_or_refused_by_name(key, value):
         complaint = ''
         assert architecture.weights_per_cell > 0
     assert not complaint or complaint.startswith(f'{key}: got ')
+
+
+@pytest.mark.parametrize(
+    ('name', 'model', 'layer_sizes', 'n_weights', 'n_on_biped'),
+    [
+        ('U-nD', 'snn-h', (20, 20, 5), 500, 500),
+        ('U-nD', 'snn', (20, 20, 5), 500, 500),
+        ('U-nD', 'mlp', (20, 20, 5), 525, 525),
+        ('U-D', 'mlp', (8, 8, 5), 117, 117),
+        ('U-D', 'snn', (8, 8, 5), 104, 104),
+        ('nU-D', 'mlp', (8, 8, 5), 117, 1170),
+        ('nU-D', 'snn-h', (8, 8, 5), 104, 1040),
+    ],
+)
+def test_named_architectures_have_the_sizes_of_the_paper(
+    name, model, layer_sizes, n_weights, n_on_biped
+):
+    architecture = Architecture.named(name, model)
+    assert tuple(architecture.layer_sizes) == layer_sizes
+    assert architecture.n_inputs == layer_sizes[0]
+    assert architecture.n_outputs == layer_sizes[-1]
+    assert architecture.weights_per_cell == n_weights
+    assert architecture.n_parameters(10) == n_on_biped
+
+
+@pytest.mark.parametrize('hidden', HIDDEN)
+@pytest.mark.parametrize('n_c', [1, 2, 3, 5])
+@pytest.mark.parametrize('model', MODELS)
+@pytest.mark.parametrize('combination', COMBINATIONS)
+def test_sizes_of_architectures(combination, model, n_c, hidden):
+    architecture = make_architecture(combination, model, n_c, hidden)
+    directional = COMBINATIONS[combination][1]
+    sizes = sizes_of(n_c, directional, hidden)
+    assert list(architecture.layer_sizes) == sizes
+    assert architecture.weights_per_cell == n_weights_of(model, sizes)

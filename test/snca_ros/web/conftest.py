@@ -9,6 +9,13 @@ NAMES = ('chromium', 'chromium-browser', 'google-chrome')
 SIZES = {'phone': {'width': 390, 'height': 844}, 'wide': {'width': 1600, 'height': 950}}
 
 
+def pytest_collection_modifyitems(items):
+    """Mark the tests that open a page."""
+    for item in items:
+        if 'browser' in getattr(item, 'fixturenames', ()):
+            item.add_marker('browser')
+
+
 @pytest.fixture(scope='session')
 def browser():
     """Return a Chromium; tests that need one are skipped where none is installed."""
