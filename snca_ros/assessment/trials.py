@@ -26,6 +26,9 @@ seeds, over the kinds; start by start."""
 
 MEAN = 'mean'
 
+FAULTY_STARTS = 9
+"""Pushed starts beside the exact one for each value of a fault, if nobody says how many."""
+
 
 @dataclass(frozen=True)
 class Trial:

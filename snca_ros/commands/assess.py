@@ -15,6 +15,7 @@ from snca_ros.assessment import fault_sweep
 from snca_ros.assessment.fault_sweep import parse_sweep, sweep_trials
 from snca_ros.assessment.trials import (
     COLUMNS,
+    FAULTY_STARTS,
     MEAN,
     Trial,
     means_of_kinds,
@@ -28,9 +29,6 @@ from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.episode import EPISODE, LONGEST, TRANSIENT
 from snca_ros.evolution.workers import Workers
 from snca_ros.files import check_writable
-
-FAULTY_STARTS = 9
-"""Pushed starts beside the exact one for each value of a fault, if nobody says how many."""
 
 EXAMPLES = """
   snca assess runs/tripod/best.npz                  # v_x on 16 terrains that it has not seen
