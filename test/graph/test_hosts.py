@@ -6,7 +6,7 @@ import shutil
 import subprocess
 
 import pytest
-from support.processes import TICK, wait_for
+from support.processes import TICK, wait_until
 
 from snca_ros.graph.environment import PROFILE_VARIABLES
 from snca_ros.recording.bag import read_bag
@@ -112,13 +112,14 @@ def test_lost_packets_are_said_again(cable, start, make_controller, monkeypatch)
     assert min(cable.dropped()) > 10
 
 
+@pytest.mark.slow
 def test_walk_in_real_time_survives_a_cut_cable(cable, start, make_controller, tmp_path):
     path = make_controller('11-10')
     there = start('voxels', path, '--only', '2/2', '--real-time', prefix=cable.prefix(1))
     here = start('walk', path, '--only', '1/2', '--real-time', '--duration', 6, '--bag', 'bag',
                  prefix=cable.prefix(0))
     bag = tmp_path / 'bag' / 'bag.mcap'
-    wait_for(lambda: bag.exists() and bag.stat().st_size > 100_000)  # it walks
+    wait_until(lambda: bag.exists() and bag.stat().st_size > 100_000)  # it walks
     cable.cut()
     TICK.wait(2.0)
     cable.mend()

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from support.paths import ROOT
-from support.processes import wait_for
+from support.processes import wait_until
 
 BUDGET = [  # what the test runs instead of what a person does
     ('--evaluations 3000', '--evaluations 36 --duration 2 --transient 1 --workers 1'),
@@ -34,6 +34,7 @@ def commands():
     return blocks
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which('pkill') is None, reason='needs pkill (procps)')
 def test_the_tutorial_does_what_it_says(tmp_path):
     bin_folder = tmp_path / 'bin'
@@ -60,7 +61,7 @@ def test_the_tutorial_does_what_it_says(tmp_path):
     try:
         for block in commands():
             if block.startswith('pkill'):  # of all voxels of that name only this walk's
-                wait_for(lambda: size_of(tmp_path / 'bags' / 'killed' / 'killed.mcap') > 50_000)
+                wait_until(lambda: size_of(tmp_path / 'bags' / 'killed' / 'killed.mcap') > 50_000)
                 finish(start(block.replace('pkill', f'pkill -P {walking.pid}')))
                 finish(walking)
             elif '--real-time' in block:

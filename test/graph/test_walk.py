@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.processes import children_of, is_alive, wait_for
+from support.processes import children_of, is_alive, wait_until
 
 from sim_node.model.solver import Solver
 from snca_ros.controller_file import load_controller
@@ -50,12 +50,12 @@ def test_walk_equals_its_offline_twin(start, make_controller, tmp_path, physics,
 def test_killing_the_walk_leaves_no_process(start, make_controller, tmp_path, number):
     child = start('walk', make_controller('11-10'), '--duration', 3600, '--bag', 'bag')
     expected = ['recorder_node', 'sim_node', 'voxel_0_0', 'voxel_0_1', 'voxel_1_1']
-    wait_for(lambda: sorted(node_of(p) for p in children_of(child.pid)) == expected)
+    wait_until(lambda: sorted(node_of(p) for p in children_of(child.pid)) == expected)
     pids = children_of(child.pid)
-    wait_for((tmp_path / 'bag').exists)
+    wait_until((tmp_path / 'bag').exists)
     os.kill(child.pid, number)
     child.communicate(timeout=60)
-    wait_for(lambda: not any(map(is_alive, pids)))
+    wait_until(lambda: not any(map(is_alive, pids)))
     if number != signal.SIGKILL:
         assert child.returncode == 130
         assert (tmp_path / 'bag' / 'metadata.yaml').exists()
@@ -63,8 +63,8 @@ def test_killing_the_walk_leaves_no_process(start, make_controller, tmp_path, nu
 
 def test_voxel_that_dies_is_named(start, make_controller):
     child = start('walk', make_controller('11-10'), '--duration', 3600, '--no-bag')
-    wait_for(lambda: len(children_of(child.pid)) == 4)
-    (victim,) = wait_for(
+    wait_until(lambda: len(children_of(child.pid)) == 4)
+    (victim,) = wait_until(
         lambda: [pid for pid in children_of(child.pid) if node_of(pid) == 'voxel_0_1']
     )
     os.kill(victim, signal.SIGKILL)
@@ -107,11 +107,11 @@ def test_killed_voxel_is_started_again(start, make_controller, tmp_path):
     child = start(
         'walk', make_controller('11-10'), '--duration', 30, '--respawn', '--bag', 'bag'
     )
-    wait_for((tmp_path / 'bag').exists)
-    first = wait_for(lambda: voxel_pid(child.pid, 'voxel_0_1'))
-    wait_for(lambda: (tmp_path / 'bag' / 'bag.mcap').stat().st_size > 100_000)
+    wait_until((tmp_path / 'bag').exists)
+    first = wait_until(lambda: voxel_pid(child.pid, 'voxel_0_1'))
+    wait_until(lambda: (tmp_path / 'bag' / 'bag.mcap').stat().st_size > 100_000)
     os.kill(first, signal.SIGKILL)
-    wait_for(lambda: voxel_pid(child.pid, 'voxel_0_1') not in (first, None))
+    wait_until(lambda: voxel_pid(child.pid, 'voxel_0_1') not in (first, None))
     output, _ = child.communicate(timeout=120)
     assert child.returncode == 0, output
     assert 'voxel_node voxel_0_1 ended with code -9: started again' in output
@@ -128,9 +128,9 @@ def test_real_time_walk_goes_on_without_a_killed_voxel(start, make_controller, t
     child = start(
         'walk', make_controller('11-10'), '--duration', 6, '--real-time', 2, '--bag', 'bag'
     )
-    wait_for((tmp_path / 'bag').exists)
-    victim = wait_for(lambda: voxel_pid(child.pid, 'voxel_0_1'))
-    wait_for(lambda: (tmp_path / 'bag' / 'bag.mcap').stat().st_size > 50_000)
+    wait_until((tmp_path / 'bag').exists)
+    victim = wait_until(lambda: voxel_pid(child.pid, 'voxel_0_1'))
+    wait_until(lambda: (tmp_path / 'bag' / 'bag.mcap').stat().st_size > 50_000)
     os.kill(victim, signal.SIGKILL)
     output, _ = child.communicate(timeout=90)
     assert child.returncode == 0, output

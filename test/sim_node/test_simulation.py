@@ -1,16 +1,15 @@
-import hashlib
 import math
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pymunk
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.paths import ROOT
+from support.paths import ROOT, TEST
+from support.trace import trace
 
 from sim_node.engine import ENGINES
 from sim_node.errors import InvalidInput
@@ -23,16 +22,6 @@ from sim_node.simulation import Diverged, Simulation
 
 EXPLICIT = Solver(physics='first')
 """Explicit springs, which can diverge."""
-
-def trace(shape='biped', terrain='hilly-1-10-0', steps=240, **options):
-    """Return a digest of all readings and of the final state under a fixed actuation."""
-    sim = Simulation(shape, terrain, **options)
-    digest = hashlib.sha256(sim.reset().tobytes())
-    phase = np.arange(sim.morphology.n_voxels)
-    for k in range(steps):
-        digest.update(sim.step(np.sin(0.2 * k - 0.7 * phase)).tobytes())
-    digest.update(sim.world.masses.tobytes())
-    return digest.hexdigest()
 
 
 def run(sim, seconds, actuation=0.0):
@@ -190,9 +179,9 @@ def test_runs_repeat_bit_for_bit():
 
 
 def test_a_fresh_process_gives_the_same_bits():
-    code = 'from test_simulation import trace; print(trace(sensor_noise=0.05, seed=1))'
+    code = 'from support.trace import trace; print(trace(sensor_noise=0.05, seed=1))'
     result = subprocess.run(
-        [sys.executable, '-c', code], cwd=Path(__file__).parent, capture_output=True, text=True,
+        [sys.executable, '-c', code], cwd=TEST, capture_output=True, text=True,
         check=True, timeout=300, env={**os.environ, 'PYTHONPATH': str(ROOT), 'PYTHONHASHSEED': '7'},
     )
     assert result.stdout.strip() == trace(sensor_noise=0.05, seed=1)

@@ -5,18 +5,15 @@ import os
 import signal
 import subprocess
 import sys
-import threading
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from support.processes import LIMIT, stat_of, wait_until
 
 import snca_ros
 from snca_ros import cli
 
 ROOT = Path(snca_ros.__file__).parents[1]
-LIMIT = 300.0  # s; only a hang reaches it
 TASK = (
     '--shape', 'worm', '--duration', '1', '--transient', '0.2', '--population', '8', '--seed', '3',
 )
@@ -40,51 +37,6 @@ def evolve(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedP
         command(*arguments), cwd=cwd, env=environment(),
         capture_output=True, text=True, timeout=LIMIT, check=False,
     )
-
-
-def wait_until(condition: Callable[[], object], what: str, limit: float = LIMIT) -> None:
-    pause, end = threading.Event(), time.monotonic() + limit
-    while not condition():
-        assert time.monotonic() < end, f'waited in vain for {what}'
-        pause.wait(0.005)
-
-
-def stat_of(pid: int) -> tuple[str, int, str] | None:
-    """Return (state, parent, start time) of a process, or None if there is none."""
-    try:
-        fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
-    except OSError:
-        return None
-    return fields[0], int(fields[1]), fields[19]
-
-
-def offspring(pid: int) -> dict[int, str]:
-    """Return children, grandchildren and so on of a process: id to start time."""
-    stats = {int(p.name): stat_of(int(p.name)) for p in Path('/proc').glob('[0-9]*')}
-    found, parents = {}, {pid}
-    while parents:
-        new = {
-            child: stat[2] for child, stat in stats.items() if stat and stat[1] in parents
-        }
-        found |= new
-        parents = set(new)
-    return found
-
-
-def is_alive(pid: int, started: str) -> bool:
-    stat = stat_of(pid)
-    return stat is not None and stat[2] == started and stat[0] not in 'ZX'
-
-
-def wait_until_gone(processes: dict[int, str]) -> None:
-    def alive() -> list[int]:
-        return [pid for pid, started in processes.items() if is_alive(pid, started)]
-
-    try:
-        wait_until(lambda: not alive(), f'the end of {sorted(processes)}', limit=60.0)
-    finally:
-        for pid in alive():
-            os.kill(pid, signal.SIGKILL)
 
 
 def evaluations_in(folder: Path) -> int:

@@ -1,36 +1,68 @@
 """What tests see of foreign processes, which send no event."""
 
+import os
+import signal
 import threading
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 TICK = threading.Event()
+LIMIT = 300.0  # s; only a hang reaches it
 
 
-def wait_for(condition, seconds=60.0):
-    """Poll what no event tells: the state of foreign processes."""
-    for _ in range(int(seconds / 0.05)):
-        if found := condition():
-            return found
-        TICK.wait(0.05)
-    raise AssertionError('the condition never came true')
-
-
-def children_of(pid: int) -> list[int]:
-    """Return the pids of the living children of a process."""
-    found = []
-    for stat in Path('/proc').glob('[0-9]*/stat'):
-        try:
-            fields = stat.read_text().rpartition(')')[2].split()
-        except OSError:
-            continue
-        if int(fields[1]) == pid and fields[0] != 'Z':
-            found.append(int(stat.parent.name))
+def wait_until(
+    condition: Callable[[], object], what: str = 'a condition', limit: float = LIMIT
+) -> object:
+    """Poll what no event tells; return what the condition returned."""
+    end = time.monotonic() + limit
+    while not (found := condition()):
+        assert time.monotonic() < end, f'waited in vain for {what}'
+        TICK.wait(0.02)
     return found
 
 
-def is_alive(pid: int) -> bool:
-    """Tell whether a process runs; a zombie does not."""
+def stat_of(pid: int) -> tuple[str, int, str] | None:
+    """Return (state, parent, start time) of a process, or None if there is none."""
     try:
-        return Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[0] != 'Z'
+        fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
     except OSError:
-        return False
+        return None
+    return fields[0], int(fields[1]), fields[19]
+
+
+def children_of(*pids: int) -> dict[int, str]:
+    """Return the living children of processes: id to start time."""
+    stats = {int(p.name): stat_of(int(p.name)) for p in Path('/proc').glob('[0-9]*')}
+    return {
+        child: stat[2] for child, stat in stats.items()
+        if stat and stat[1] in pids and stat[0] not in 'ZX'
+    }
+
+
+def offspring(pid: int) -> dict[int, str]:
+    """Return children, grandchildren and so on of a process: id to start time."""
+    found, parents = {}, [pid]
+    while parents:
+        new = children_of(*parents)
+        found |= new
+        parents = list(new)
+    return found
+
+
+def is_alive(pid: int, started: str | None = None) -> bool:
+    """Tell whether a process runs, which began at `started` if given; a zombie does not."""
+    stat = stat_of(pid)
+    return stat is not None and started in (None, stat[2]) and stat[0] not in 'ZX'
+
+
+def wait_until_gone(processes: dict[int, str]) -> None:
+    """Wait for the end of processes (id to start time), and kill those that go on."""
+    def alive() -> list[int]:
+        return [pid for pid, started in processes.items() if is_alive(pid, started)]
+
+    try:
+        wait_until(lambda: not alive(), f'the end of {sorted(processes)}', limit=60.0)
+    finally:
+        for pid in alive():
+            os.kill(pid, signal.SIGKILL)

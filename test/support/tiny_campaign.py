@@ -3,20 +3,18 @@
 import os
 import subprocess
 import sys
-import threading
-import time
 from pathlib import Path
 
 import yaml
 
 import snca_ros
+from snca_ros.campaign.endpoints import perform
 from snca_ros.campaign.results import Results
 from snca_ros.campaign.scheduler import Campaign
 from snca_ros.campaign.specification import read_campaign
 from snca_ros.evolution.workers import IN_PROCESS
 
 ROOT = Path(snca_ros.__file__).parents[1]
-LIMIT = 300.0  # s; only a hang reaches it
 
 TINY = {
     'evaluations': 40, 'population': 8, 'duration': 1, 'transient': 0.2, 'shape': 'worm-3x1',
@@ -49,13 +47,6 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
-def wait_until(condition, what: str, limit: float = LIMIT) -> None:
-    pause, end = threading.Event(), time.monotonic() + limit
-    while not condition():
-        assert time.monotonic() < end, f'waited in vain for {what}'
-        pause.wait(0.01)
-
-
 def start(file: Path, folder: Path, *options: str) -> subprocess.Popen:
     """Start the command, with two workers if the options do not say otherwise."""
     return subprocess.Popen(
@@ -70,3 +61,10 @@ def generations(folder: Path) -> int:
     """Return the generations of all runs so far."""
     histories = (folder / 'runs').glob('*/history.csv')
     return sum(len(path.read_text().splitlines()) - 1 for path in histories)
+
+
+def perform_or_die(config, path):
+    """Perform a run, or end the process at runs named in DEADLY; worker processes import this."""
+    if config.name in os.environ['DEADLY'].split():
+        os._exit(3)
+    return perform(config, path)

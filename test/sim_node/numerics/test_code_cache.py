@@ -109,6 +109,7 @@ def test_code_is_kept_and_a_change_of_what_it_calls_never_meets_it(copy: Path) -
         assert run(copy, **environment)[0] == 6.0
 
 
+@pytest.mark.slow
 def test_damaged_code_is_compiled_again(copy: Path) -> None:
     first, folder, *_ = run(copy)
     for pattern in ('*.nbc', '*.nbi'):

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from support.processes import LIMIT, wait_until
 from support.tiny_campaign import (
-    LIMIT,
     TINY,
     contents,
     generations,
+    perform_or_die,
     start,
-    wait_until,
     work,
     write_file,
 )
@@ -213,6 +213,7 @@ def test_finished_runs_are_not_done_again_and_shared_between_campaigns(file, who
 # --- stopped, killed, failing -----------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_killed_twice_and_resumed_gives_the_same_bytes(file, whole, tmp_path):
     for _ in range(2):
         before = generations(tmp_path)
@@ -273,19 +274,13 @@ def test_failed_run_is_reported_and_the_rest_goes_on(file, whole, tmp_path, caps
     assert contents(tmp_path / 'results') == contents(whole / 'results')
 
 
-def _perform_or_die(config, path):
-    if config.name in os.environ['DEADLY'].split():
-        os._exit(3)
-    return perform(config, path)
-
-
 @pytest.mark.parametrize('n_deadly', [1, 2])
 def test_runs_that_end_their_process_fail_alone(
     n_deadly, file, whole, tmp_path, monkeypatch, capsys
 ):
     names = [config.name for config in read_campaign(file)]
     deadly = names[1 : 1 + n_deadly]
-    monkeypatch.setattr('snca_ros.campaign.scheduler.perform', _perform_or_die)
+    monkeypatch.setattr('snca_ros.campaign.scheduler.perform', perform_or_die)
     monkeypatch.setenv('DEADLY', ' '.join(deadly))
     options = ['--results', str(tmp_path / 'results'), '--runs', str(tmp_path / 'runs')]
     assert cli.main(['campaign', str(file), '--workers', '4', *options]) == 1

@@ -10,13 +10,12 @@ from concurrent.futures import BrokenExecutor
 
 import numpy as np
 import pytest
+from support.processes import LIMIT, wait_until
 from support.tiny_campaign import (
-    LIMIT,
     ROOT,
     contents,
     generations,
     start,
-    wait_until,
     work,
     write_file,
 )
@@ -72,6 +71,7 @@ def workers(dask, scheduler):
     return two
 
 
+@pytest.mark.slow
 def test_campaign_on_a_cluster_that_loses_a_worker(workers, scheduler, tmp_path):
     file, whole, folder = write_file(tmp_path), tmp_path / 'whole', tmp_path / 'cluster'
     work(file, whole)

@@ -7,7 +7,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from support.evolve import EVALUATIONS, LIMIT, TASK, Here, command, environment, evolve
+from support.evolve import EVALUATIONS, TASK, Here, command, environment, evolve
+from support.processes import LIMIT
 
 
 @pytest.fixture(scope='module', autouse=True)

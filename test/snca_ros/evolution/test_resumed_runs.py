@@ -10,7 +10,6 @@ import pytest
 import yaml
 from support.evolve import (
     EVALUATIONS,
-    LIMIT,
     TASK,
     VISIBLE,
     arrays_of,
@@ -20,10 +19,8 @@ from support.evolve import (
     evolve,
     freeze_midway,
     history_of,
-    is_alive,
-    offspring,
-    wait_until_gone,
 )
+from support.processes import LIMIT, is_alive, offspring, wait_until_gone
 
 from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.checkpoint import RunFolder

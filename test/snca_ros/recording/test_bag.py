@@ -425,8 +425,11 @@ def test_bytes_of_another_layout_are_refused(tmp_path, monkeypatch):
     assert '/biped/odometry' in refused(path)
 
 
-def test_nothing_in_the_study_needs_ros():
-    modules = ('bag', 'figures', 'gait', 'render', 'report')
-    imports = '; '.join(f'import snca_ros.study.{name}' for name in modules)
+def test_recordings_and_films_need_no_ros():
+    modules = (
+        'recording.bag', 'recording.figures', 'recording.gait', 'recording.report',
+        'rendering.film', 'rendering.scene',
+    )
+    imports = '; '.join(f'import snca_ros.{name}' for name in modules)
     code = f'import sys; sys.modules["rclpy"] = None; {imports}'
     subprocess.run([sys.executable, '-c', code], check=True, timeout=60)
