@@ -9,7 +9,7 @@ import subprocess
 from dataclasses import asdict, dataclass, field
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,8 +21,11 @@ from sim_node.model.solver import ENGINES, Solver
 from snca_ros import __version__
 from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller
-from snca_ros.faults import Faults
+from snca_ros.faults import NO_FAULTS, Faults
 from snca_ros.files import write_atomically
+
+if TYPE_CHECKING:
+    from sim_node.simulation import Simulation
 
 _GIT_LIMIT = 30.0  # s
 _FIELDS = (
@@ -64,6 +67,31 @@ class TrainedController:
     def controller(self, faults: Faults | None = None) -> Controller:
         """Return all cells, ready to step."""
         return Controller(self.architecture, self.morphology, self.theta, faults)
+
+    def simulation(
+        self,
+        terrain: str = '',
+        engine: str = 'pymunk',
+        push: int = 0,
+        faults: Faults = NO_FAULTS,
+    ) -> 'Simulation':
+        """Return the simulation of the body that the cells were evolved for, at its start.
+
+        Args:
+            terrain: name of the ground; '' for the one that the cells were evolved on.
+            engine: one of `sim_node.model.solver.ENGINES`.
+            push: 0, or the number of a pushed start, see `Simulation`.
+            faults: what goes wrong; those of the cells are given to `controller`.
+
+        Raises:
+            InvalidInput: a value is off.
+        """
+        from sim_node.simulation import Simulation  # not in voxel nodes: it loads pymunk
+
+        return Simulation(
+            self.morphology, terrain or self.terrain, material=self.material, solver=self.solver,
+            engine=engine, push=push, **faults.of_body,
+        )
 
 
 _CODE = 'sim_node', 'snca_ros'  # what of a checkout decides an episode's result

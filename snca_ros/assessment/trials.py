@@ -65,11 +65,7 @@ class Trial:
 
     def simulation(self) -> Simulation:
         """Return the robot, put down."""
-        trained = self.trained
-        return Simulation(
-            trained.morphology, self.terrain, material=trained.material, solver=trained.solver,
-            engine=self.engine, push=self.start, **self.faults.of_body,
-        )
+        return self.trained.simulation(self.terrain, self.engine, self.start, self.faults)
 
 
 def score(trial: Trial) -> float:

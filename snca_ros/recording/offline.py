@@ -8,11 +8,11 @@ import numpy as np
 from sim_node.control_time import CONTROL_RATE
 from sim_node.errors import InvalidInput
 from sim_node.model.sensors import N_SENSORS
-from sim_node.simulation import Diverged, Simulation
+from sim_node.simulation import Diverged
 from snca_ros.cell.snn import THETA_0
 from snca_ros.controller import Controller
 from snca_ros.controller_file import TrainedController
-from snca_ros.faults import Faults
+from snca_ros.faults import NO_FAULTS, Faults
 from snca_ros.recording.bag import Recording
 from snca_ros.recording.poses import Poses
 
@@ -40,11 +40,7 @@ def record_offline(
     Raises:
         InvalidInput: the terrain is unknown, or the physics diverges with this controller.
     """
-    faults = faults or Faults()
-    simulation = Simulation(
-        trained.morphology, terrain or trained.terrain, material=trained.material,
-        solver=trained.solver, **faults.of_body,
-    )
+    simulation = trained.simulation(terrain, faults=faults or NO_FAULTS)
     controller = trained.controller(faults)
     n_steps, n_voxels = round(duration * CONTROL_RATE), trained.morphology.n_voxels
     architecture = trained.architecture
