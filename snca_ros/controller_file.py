@@ -34,7 +34,7 @@ _FIELDS = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class TrainedController:
     """What a controller file holds.
 
@@ -63,6 +63,14 @@ class TrainedController:
     versions: dict[str, str] = field(default_factory=dict)
     chosen_by: str = 'pymunk'
     v_x: dict[str, float] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        cell = self.architecture
+        return (
+            f'TrainedController({self.morphology.name}, {self.morphology.n_voxels} voxels, '
+            f'{cell.name} {cell.neuron_model}, {len(self.theta)} parameters, evolved on '
+            f'{self.terrain} to v_x {self.fitness:.3f} m/s)'
+        )
 
     def controller(self, faults: Faults | None = None) -> Controller:
         """Return all cells, ready to step."""
