@@ -42,18 +42,19 @@ def graph_environment(reach: str = 'loopback') -> dict[str, str]:
     }
 
 
-def boxed_controllers() -> dict[str, Path]:
-    """Return the controllers in the box, name to file."""
+def bundled_controllers() -> dict[str, Path]:
+    """Return the bundled controllers, name to file."""
     folders = [folder / 'controllers' for folder in config_folders()]
     return {p.stem: p for folder in reversed(folders) for p in sorted(folder.glob('*.npz'))}
 
 
 def find_controller(name: str) -> Path:
-    """Return the file of a controller named by path or by its name in the box."""
-    boxed = boxed_controllers()
-    if name in boxed and not Path(name).exists():
-        return boxed[name]
+    """Return the file of a controller named by path or a bundled one by its name."""
+    bundled = bundled_controllers()
+    if name in bundled and not Path(name).exists():
+        return bundled[name]
     if not Path(name).exists():
-        expected = f'a controller file or one of {", ".join(boxed)}' + near_miss(name, list(boxed))
+        known = ', '.join(bundled)
+        expected = f'a controller file or one of {known}' + near_miss(name, bundled)
         raise InvalidInput('controller', name, expected)
     return Path(name)

@@ -13,7 +13,7 @@ from sim_node.errors import InvalidInput, check_name
 from sim_node.model.morphology import SHAPES
 from sim_node.model.solver import ENGINES
 from sim_node.model.terrain import UNSEEN_TERRAINS
-from snca_ros.bundled import boxed_controllers
+from snca_ros.bundled import bundled_controllers
 from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS
 from snca_ros.cli import COMMANDS, NODES, load
 from snca_ros.evolution.strategies import STRATEGIES
@@ -52,8 +52,8 @@ def _add_choices(command: argparse.ArgumentParser) -> None:
     choices = {
         'shape': SHAPES, 'architecture': ARCHITECTURES, 'neuron_model': NEURON_MODELS,
         'engine': ENGINES, 'strategy': STRATEGIES, 'terrain': ('flat', *UNSEEN_TERRAINS),
-        'controller': (file, *boxed_controllers()), 'controllers': (file, *boxed_controllers()),
-        'source': (file, *boxed_controllers()), 'shell': shtab.SUPPORTED_SHELLS,
+        'controller': (file, *bundled_controllers()), 'controllers': (file, *bundled_controllers()),
+        'source': (file, *bundled_controllers()), 'shell': shtab.SUPPORTED_SHELLS,
     }
     for action in command._actions:
         action.choices = choices.get(action.dest, (file,) if action.type is Path else None)

@@ -9,7 +9,7 @@ from made_up_results import PAPER_TYPES, made_up_row, write_results
 
 from scripts import fill_box
 from sim_node.simulation import Simulation
-from snca_ros.bundled import DEFAULT_CONTROLLER, boxed_controllers, find_controller
+from snca_ros.bundled import DEFAULT_CONTROLLER, bundled_controllers, find_controller
 from snca_ros.controller_file import load_controller
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.episode import run_episode
@@ -22,7 +22,7 @@ NAMES = [path.stem for path in sorted(BOX.glob('*.npz'))]
 def test_default_is_in_the_box():
     assert DEFAULT_CONTROLLER in NAMES
     assert find_controller(DEFAULT_CONTROLLER) == BOX / f'{DEFAULT_CONTROLLER}.npz'
-    assert set(NAMES) <= set(boxed_controllers())
+    assert set(NAMES) <= set(bundled_controllers())
 
 
 def test_default_is_what_its_history_says():

@@ -10,7 +10,7 @@ import pytest
 
 import snca_ros
 from snca_ros import cli
-from snca_ros.bundled import boxed_controllers
+from snca_ros.bundled import bundled_controllers
 from snca_ros.command_line import CommandParser
 
 ROOT = Path(snca_ros.__file__).parents[1]
@@ -113,7 +113,7 @@ def test_wrong_options_are_one_line(arguments, hint, capsys):
     ('re', {'report', 'replay', 'render', 'recorder_node'}),
     ('evolve --neuron', {'--neuron-model'}),
     ('evolve --shape bi', {'biped'}),
-    ('assess bip', {*(n for n in boxed_controllers() if n.startswith('bip')), 'bipedal.npz'}),
+    ('assess bip', {*(n for n in bundled_controllers() if n.startswith('bip')), 'bipedal.npz'}),
     ('report b', {'bipedal.npz'}),
 ])
 def test_bash_completes(words, expected, tmp_path, capsys):

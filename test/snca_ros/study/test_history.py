@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from sim_node.errors import InvalidInput
-from snca_ros.bundled import boxed_controllers
+from snca_ros.bundled import bundled_controllers
 from snca_ros.cell.architecture import Architecture
 from snca_ros.cli import BAD_INPUT, main
 from snca_ros.evolution.checkpoint import HISTORY, RunFolder
@@ -108,7 +108,7 @@ def test_a_figure_has_best_median_and_range_of_each_run(tmp_path):
 
 
 def test_the_history_in_the_box(tmp_path, capsys):
-    path = boxed_controllers()['biped-U-nD-snn-h'].with_suffix('.csv')
+    path = bundled_controllers()['biped-U-nD-snn-h'].with_suffix('.csv')
     assert main(['history', str(path), '--figure', str(tmp_path / 'history.png')]) == 0
     assert '30000 evaluations, best ' in capsys.readouterr().out
     with Image.open(tmp_path / 'history.png') as figure:
