@@ -4,14 +4,14 @@ import argparse
 import re
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from sim_node.errors import InvalidInput
-from snca_ros.assessment.trials import Trial, run_trials, summary, write_csv
+from snca_ros.assessment.trials import Trial, all_trials, run_trials, summary, write_csv
 from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import EPISODE
 from snca_ros.evolution.workers import Workers
@@ -35,12 +35,14 @@ class Sweep:
         label: the same with x instead of the range.
         values: what x is.
         faults: for each value.
+        texts: of the faults, for each value.
     """
 
     text: str
     label: str
     values: tuple[float, ...]
     faults: tuple[Faults, ...]
+    texts: tuple[str, ...]
 
 
 def parse_sweep(text: str) -> Sweep:
@@ -66,8 +68,9 @@ def parse_sweep(text: str) -> Sweep:
         raise InvalidInput('faults', found[0], f'up to {_MAX_VALUES} values, FROM below TO')
     n = 1 + int((last - first) / step + 1e-9)
     numbers = [f'{first + i * step:.9g}' for i in range(n)]
-    faults = tuple(parse_faults(f'{before}{number}{after}') for number in numbers)
-    return Sweep(text, f'{before}x{after}', tuple(map(float, numbers)), faults)
+    texts = tuple(f'{before}{number}{after}' for number in numbers)
+    faults = tuple(map(parse_faults, texts))
+    return Sweep(text, f'{before}x{after}', tuple(map(float, numbers)), faults, texts)
 
 
 def assess_faults(
@@ -109,16 +112,8 @@ def sweep_trials(
     n_starts: int,
     duration: float = EPISODE,
 ) -> list[Trial]:
-    """Return the episodes of a sweep, by controller, value, start and terrain.
-
-    Start s draws its faults from the seed that the sweep names plus s.
-    """
-    return [
-        Trial(one, terrain, engine, start, replace(faults, seed=faults.seed + start), duration)
-        for one, faults, start, terrain in product(
-            trained, sweep.faults, range(n_starts), terrains
-        )
-    ]
+    """Return the episodes of a sweep, by controller, value, start and terrain."""
+    return all_trials(trained, sweep.faults, terrains, engine, n_starts, duration)
 
 
 def table(names: Sequence[str], sweep: Sweep, scores: np.ndarray) -> list[str]:

@@ -4,7 +4,7 @@ import argparse
 import csv
 import io
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 
@@ -81,6 +81,33 @@ def run_trials(workers: Workers, trials: Sequence[Trial]) -> np.ndarray:
     return np.array(list(workers.executor.map(score, trials)))
 
 
+def all_trials(
+    trained: Sequence[TrainedController],
+    faults: Sequence[Faults],
+    terrains: Sequence[str],
+    engine: str,
+    n_starts: int,
+    duration: float = EPISODE,
+) -> list[Trial]:
+    """Return the episodes of all combinations, by controller, faults, start and terrain.
+
+    Start s draws its faults from their seed plus s.
+    """
+    return [
+        Trial(one, terrain, engine, start, replace(wrong, seed=wrong.seed + start), duration)
+        for one, wrong, start, terrain in product(trained, faults, range(n_starts), terrains)
+    ]
+
+
+def check_trials(starts: int, duration: float) -> None:
+    """Raise InvalidInput if pushed starts or the seconds of an episode are out of range."""
+    if isinstance(starts, bool) or not isinstance(starts, int) or not 0 <= starts <= 10_000:
+        raise InvalidInput('starts', starts, 'an integer from 0 to 10000')
+    if not isinstance(duration, (int, float)) or not TRANSIENT < duration <= LONGEST:
+        expected = f'a time above {TRANSIENT:g} s, up to {LONGEST:g} s'
+        raise InvalidInput('duration', duration, expected)
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `assess`."""
     parser.add_argument('controllers', nargs='+', metavar='CONTROLLER',
@@ -116,11 +143,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     opened = open_workers(args, parser)
     if args.starts is None:
         args.starts = FAULTY_STARTS if args.faults else 0
-    if not 0 <= args.starts <= 10_000:
-        raise InvalidInput('starts', args.starts, 'an integer from 0 to 10000')
-    if not TRANSIENT < args.duration <= LONGEST:
-        expected = f'a time above {TRANSIENT:g} s, up to {LONGEST:g} s'
-        raise InvalidInput('duration', args.duration, expected)
+    check_trials(args.starts, args.duration)
     if args.figure:
         check_figure(args.figure)
     if args.csv:
