@@ -59,11 +59,9 @@ class Scores:
         return np.array(self.v_x, dtype=dtype)
 
     def __repr__(self) -> str:
-        sizes = ' x '.join(
-            f'{n} {dim}' for dim, n in zip(DIMS, self.v_x.shape, strict=True)
-        )
+        sizes = ', '.join(f'{dim} {n}' for dim, n in zip(DIMS, self.v_x.shape, strict=True))
         return (
-            f'Scores({sizes}, v_x {self.v_x.min():.3f} to {self.v_x.max():.3f}, mean '
+            f'Scores({sizes}: v_x {self.v_x.min():.3f} to {self.v_x.max():.3f}, mean '
             f'{self.v_x.mean():.3f} m/s)'
         )
 
