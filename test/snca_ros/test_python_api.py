@@ -64,6 +64,12 @@ def test_using_the_robot_loads_no_drawing():
     assert found.stdout == '[]\n', found.stderr
 
 
+def test_a_controller_file_needs_no_engine():
+    """Voxel nodes, which have no body, load it."""
+    found = python('-c', 'import snca_ros.controller_file, sys; print("pymunk" in sys.modules)')
+    assert found.stdout == 'False\n', found.stderr
+
+
 def test_every_name_is_there_and_hides_no_module():
     assert set(snca.__all__) <= set(dir(snca))
     listed = [name for names in snca._MODULES.values() for name in names]
