@@ -4,9 +4,10 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 TOOLS  := $(VENV)/.tools
+OLDEST := .venv-oldest
 
 .DEFAULT_GOAL := help
-.PHONY: help setup walk test lint unit bench docs api pictures clean
+.PHONY: help setup walk test lint unit oldest bench docs api pictures clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -35,14 +36,23 @@ lint: $(TOOLS)  ## style and types
 	$(BIN)/mypy
 
 unit: $(TOOLS)  ## the tests: unit tests, then graphs of real processes
-	$(BIN)/python -m pytest -n auto --dist loadfile test/sim_node test/snca_ros
+	$(BIN)/python -m pytest -n auto --dist loadfile test --ignore=test/graph
 	$(BIN)/python -m pytest -n auto --dist worksteal test/graph
+
+oldest:  ## tests of what the oldest supported numpy, matplotlib, scipy and numba must do
+	@test -x $(OLDEST)/bin/python || $(PYTHON) -m venv $(OLDEST)
+	$(OLDEST)/bin/python -m pip install -q --disable-pip-version-check -c test/oldest.txt -e . \
+	  pytest pytest-xdist hypothesis
+	$(OLDEST)/bin/python -m pytest -n auto --dist loadfile test/snca_ros/comparison \
+	  test/snca_ros/assessment test/snca_ros/evolution/test_history.py \
+	  test/sim_node/munk2d/test_soft_spring.py test/sim_node/numerics/test_code_cache.py
 
 bench: $(TOOLS)  ## speed of episodes, evolution and graphs, ratios first; writes bench.json
 	$(BIN)/python -m benchmarks --json bench.json
 
-docs: $(TOOLS)  ## fill the generated sections of docs/ anew, draw its figures of campaigns
+docs: $(TOOLS)  ## fill the generated sections of docs/ anew, draw its figures and the architecture
 	$(BIN)/python -m docs.refresh
+	$(BIN)/python -m docs.draw_architecture
 	$(BIN)/python -m docs.study_figures
 
 api: $(TOOLS)  ## all docstrings as pages in build/api, by pdoc
@@ -59,4 +69,4 @@ pictures: $(TOOLS)  ## make the pictures of README and docs/ anew
 	$(BIN)/python -m docs.concept_pictures
 
 clean:  ## remove what the targets made, but neither runs nor bags
-	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(OLDEST) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

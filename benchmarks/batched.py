@@ -19,8 +19,9 @@ import numpy as np
 from benchmarks.command import run_part
 from sim_node.batched.engine import Robots
 from sim_node.batched.step import physics_step, sweep
+from sim_node.munk2d.engine import set_rest_lengths, step_physics
 from sim_node.numerics.jit import compiled
-from sim_node.simulation import Simulation, set_rest_lengths, step_physics
+from sim_node.simulation import Simulation
 from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller
 from snca_ros.evolution.episode import run_episode

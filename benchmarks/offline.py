@@ -16,8 +16,9 @@ import numpy as np
 from benchmarks.command import run_part
 from sim_node.model.solver import Solver
 from sim_node.munk2d import c_functions as munk
+from sim_node.munk2d.engine import sense, set_rest_lengths
 from sim_node.numerics.jit import compiled
-from sim_node.simulation import Simulation, sense, set_rest_lengths
+from sim_node.simulation import Simulation
 from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller, step_all
 from snca_ros.evolution.episode import EPISODE, run_episode

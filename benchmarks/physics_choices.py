@@ -9,13 +9,13 @@ import numpy as np
 import pymunk
 from pymunk._chipmunk import ffi, lib
 
-from sim_node import simulation
 from sim_node.model.body import LIMIT, Constraints, build_body
 from sim_node.model.material import Material
 from sim_node.model.physics import PHYSICS
 from sim_node.model.solver import Solver
 from sim_node.model.terrain import Terrain
 from sim_node.munk2d import c_functions as munk
+from sim_node.munk2d import engine
 from sim_node.munk2d.pymunk_view import pymunk_view
 from sim_node.munk2d.space import Space
 from sim_node.simulation import Diverged, Simulation
@@ -29,9 +29,9 @@ SHAPES = ('1', 'biped', 'comb', 'worm', '11-11', 'tripod', 'ball-5', 'box-5x5')
 
 
 def new(shape, terrain='flat', solver=None, ground=None, lift=(0.0, 0.0), **material):
-    with mock.patch.object(simulation, 'Space', ground or Space):
+    with mock.patch.object(engine, 'Space', ground or Space):
         sim = Simulation(shape, terrain, solver=solver, material=Material(**material))
-    sim.view = pymunk_view(sim.space)
+    sim.view = pymunk_view(sim.backend.space)
     sim.bodies = sim.view.bodies
     for b in sim.bodies:
         b.position += lift
@@ -305,7 +305,7 @@ def champion(quick):
     taken = np.zeros((len(cases), 3 if quick else 24))
     speeds = np.zeros_like(taken)
     for start, i in np.ndindex(taken.T.shape):
-        with mock.patch.object(simulation, 'build_body', cases[i][2]):
+        with mock.patch.object(engine, 'build_body', cases[i][2]):
             sim = new('biped', solver=cases[i][1])
         rng, controller = np.random.default_rng(start), trained.controller()
         for b in sim.bodies:

@@ -26,9 +26,9 @@ from rosbags.rosbag2 import Reader
 from benchmarks.graph import Observer, memory, write_controller
 from sim_node.control_time import CONTROL_RATE, step_of_stamp
 from sim_node.model.morphology import parse_morphology
-from snca_ros.bundled import graph_environment
 from snca_ros.controller_file import load_controller
 from snca_ros.graph.description import Graph, WalkOptions, describe_graph
+from snca_ros.graph.environment import graph_environment
 from snca_ros.graph.processes import RunningGraph
 
 _ROBOT = 'soak'

@@ -25,7 +25,7 @@ from snca_ros.faults import parse_faults
 from snca_ros.graph.description import WalkOptions, describe_graph
 
 ARGUMENTS = {
-    'controller': (DEFAULT_CONTROLLER, 'controller file, or the name of one in the box'),
+    'controller': (DEFAULT_CONTROLLER, 'controller file, or the name of a bundled one'),
     'robot': ('', 'namespace; default: the shape'),
     'terrain': ('', 'default: the terrain of the controller file'),
     'duration': ('30.0', 'simulated seconds; 0: until stopped'),

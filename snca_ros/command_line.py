@@ -1,11 +1,21 @@
-"""The parser of a sub-command: help with examples, and errors of one line with a near miss."""
+"""What all commands and nodes share: parsing options, loading their modules, ending on errors."""
 
 import argparse
-from collections.abc import Sequence
+import importlib
+import os
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import BrokenExecutor
 from types import ModuleType
 from typing import Any, NoReturn
 
-from sim_node.errors import near_miss
+from sim_node.errors import InvalidInput, near_miss
+
+BAD_INPUT = 2
+"""The exit code when what a person gave is wrong."""
+
+INTERRUPTED = 130
+"""The exit code after Ctrl-C."""
 
 
 class CommandParser(argparse.ArgumentParser):
@@ -38,4 +48,37 @@ class CommandParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """End the process with one line."""
-        self.exit(2, f'{self.prog}: error: {message}; {self.prog} --help tells all\n')
+        self.exit(BAD_INPUT, f'{self.prog}: error: {message}; {self.prog} --help tells all\n')
+
+
+def exit_code(name: str, run: Callable[[], int]) -> int:
+    """Return the exit code of `run`; an error that a person can put right is told in one line.
+
+    Args:
+        name: of the command or node, for the error.
+        run: returns the exit code.
+    """
+    try:
+        return run()
+    except InvalidInput as error:
+        print(f'snca {name}: error: {error}', file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except BrokenPipeError:  # nobody reads on; what is still in the buffer goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except (BrokenExecutor, OSError) as error:  # a killed worker; a full disk, a folder gone
+        print(f'snca {name}: error: {error}', file=sys.stderr)
+        return 1
+
+
+def load_module(name: str) -> ModuleType:
+    """Return the module `name`; InvalidInput if it needs ROS and there is none."""
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if (error.name or '').partition('.')[0] != 'rclpy':
+            raise
+        expected = "rclpy: pip install 'snca_ros[ros]', or source the setup file of ROS 2 Jazzy"
+        raise InvalidInput('ROS 2', None, expected) from None

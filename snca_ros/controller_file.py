@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sim_node.engine import DEFAULT_ENGINE, ENGINES
 from sim_node.errors import InvalidInput, check_keys, check_name
 from sim_node.model.body_file import FORMAT_VERSION, body_of, check_version, field_of, read_archive
 from sim_node.model.material import Material
 from sim_node.model.morphology import Morphology
-from sim_node.model.solver import ENGINES, Solver
+from sim_node.model.solver import Solver
 from snca_ros import __version__
 from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller
@@ -79,7 +80,7 @@ class TrainedController:
     def simulation(
         self,
         terrain: str = '',
-        engine: str = 'pymunk',
+        engine: str = DEFAULT_ENGINE,
         push: int = 0,
         faults: Faults = NO_FAULTS,
     ) -> 'Simulation':
@@ -87,7 +88,7 @@ class TrainedController:
 
         Args:
             terrain: name of the ground; '' for the one that the cells were evolved on.
-            engine: one of `sim_node.model.solver.ENGINES`.
+            engine: one of `sim_node.engine.ENGINES`.
             push: 0, or the number of a pushed start, see `Simulation`.
             faults: what goes wrong; those of the cells are given to `controller`.
 

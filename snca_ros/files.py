@@ -56,12 +56,12 @@ def check_writable(field: str, path: Path) -> None:
         try:
             tempfile.TemporaryFile(dir=path.parent).close()
         except OSError as error:
-            reason = told(error)
+            reason = reason_of(error)
     if reason:
         raise InvalidInput(field, reason, 'a file that can be written', str(path))
 
 
-def told(error: Exception) -> str:
+def reason_of(error: Exception) -> str:
     """Return why a file could not be read, in one line and without its name."""
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
@@ -99,7 +99,7 @@ def read_yaml(path: Path, expected: str) -> Any:
     try:
         return yaml.safe_load(path.read_text())
     except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
-        raise InvalidInput('file', told(error), expected, str(path)) from None
+        raise InvalidInput('file', reason_of(error), expected, str(path)) from None
 
 
 def check_new_bag(folder: Path) -> None:

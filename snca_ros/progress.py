@@ -1,4 +1,4 @@
-"""How far a long command is, told on standard error."""
+"""How far a long command is, on standard error."""
 
 import math
 import shutil
@@ -64,7 +64,7 @@ class TimeLeft:
     def __init__(self, total: int, done: int) -> None:
         self.total, self._before, self._start = total, done, time.monotonic()
 
-    def told(self, done: int) -> str:
+    def describe(self, done: int) -> str:
         """Return evaluations/s and the time left as text."""
         rate = (done - self._before) / (time.monotonic() - self._start)
         if not rate > 0.0:

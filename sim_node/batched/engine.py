@@ -8,6 +8,7 @@ from sim_node.batched.contacts import find_contacts
 from sim_node.batched.sensing import sense
 from sim_node.batched.state import Group, make_group, put_down
 from sim_node.batched.step import physics_step
+from sim_node.engine import Engine, check_engine
 from sim_node.model.body import build_body, pushed
 from sim_node.model.material import Material
 from sim_node.model.morphology import Morphology
@@ -79,7 +80,7 @@ class Robots:
         step_count: control steps made.
 
     Raises:
-        InvalidInput: the solver asks for self-collision, which only the pymunk engine has.
+        InvalidInput: the solver asks for self-collision, which this engine does not have.
     """
 
     def __init__(
@@ -91,6 +92,7 @@ class Robots:
         width: int = WIDTH,
         push: int = 0,
     ) -> None:
+        check_engine('batched', solver)
         self._body, self._push = build_body(morphology, terrain, material), push
         self.group: Group = make_group(self._body, terrain.polygons, material, solver, width)
         self.reset()
@@ -125,3 +127,36 @@ class Robots:
     def sane(self) -> np.ndarray:
         """Tell which robots' physics has not diverged, (W,)."""
         return self.group.sane['lane'][0, 0] > 0.0
+
+
+class BatchedEngine(Engine):
+    """One of such robots, in a group of its own.
+
+    Attributes:
+        robots: the group of one lane.
+    """
+
+    lanes = (4, 8, 16)  # widths that are compiled when they are needed
+    world: OneRobot
+
+    def __init__(
+        self,
+        morphology: Morphology,
+        terrain: Terrain,
+        material: Material,
+        solver: Solver,
+        push: int = 0,
+    ) -> None:
+        self.robots = Robots(morphology, terrain, material, solver, 1, push)
+        self.world = one_robot(self.robots.group)
+
+    def reset(self) -> None:
+        """Put the robot down at rest, and read its sensors."""
+        self.robots.reset()
+
+    def step(self, actuation: np.ndarray, step: int) -> bool:
+        """Apply (n_voxels,) `actuation` up to control step `step`; False if physics diverged."""
+        group = self.robots.group
+        group.actuation_lanes[:, 0, 0] = actuation
+        advance_group(group, step)
+        return bool(self.robots.sane[0])

@@ -16,7 +16,7 @@ from sim_node.model.body import LIMIT, SPRING, WELD, Body
 from sim_node.model.ground_polygons import most_at_once, polygon_rows
 from sim_node.model.material import Material
 from sim_node.model.sensors import N_SENSORS, TOUCH_WINDOW, VELOCITY_WINDOW
-from sim_node.model.solver import Solver, check_engine
+from sim_node.model.solver import Solver
 from sim_node.numerics.lanes import zeros
 
 JOINT_ERROR = float(np.float32(1.0) - np.float32(0.1)) ** 60
@@ -102,11 +102,7 @@ def make_group(
         material: of masses, contacts and world.
         solver: sub-steps and iterations.
         width: number of lanes W.
-
-    Raises:
-        InvalidInput: the solver asks for self-collision.
     """
-    check_engine('batched', solver)
     table = body.constraints
     dt = 1.0 / CONTROL_RATE / solver.substeps
     springs, limits, welds = (np.flatnonzero(table.kinds == k) for k in (SPRING, LIMIT, WELD))

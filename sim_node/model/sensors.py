@@ -144,6 +144,16 @@ def normalise(readings):
 
 
 @compiled
+def center_of_mass(masses):
+    """Return a robot's centre of mass (x, y) [m] from its (n_masses, 5) rows, all of one weight."""
+    x = y = 0.0
+    for i in range(masses.shape[0]):
+        x += masses[i, 0]
+        y += masses[i, 1]
+    return x / masses.shape[0], y / masses.shape[0]
+
+
+@compiled
 def add_noise(readings, noise):
     """Add `noise`, (n_voxels, 4) or (0, 4), to the readings and clip them to [0, 1]."""
     for i in range(noise.shape[0]):

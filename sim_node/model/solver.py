@@ -1,12 +1,9 @@
-"""Which engine solves a control step, by which physics, and how finely."""
+"""By which physics a control step is solved, and how finely."""
 
 from dataclasses import dataclass
 
 from sim_node.errors import InvalidInput, check_keys, check_name
 from sim_node.model.physics import DEFAULT_PHYSICS, PHYSICS, UNNAMED_PHYSICS, Physics
-
-ENGINES = ('pymunk', 'batched')
-"""pymunk steps any scene; batched, the same algorithm in SIMD lanes, what evolution needs."""
 
 SELF_COLLISION = (False, True, 'reference')
 """Which masses of one robot collide: none; all that no weld joins, by the material's friction and
@@ -58,11 +55,3 @@ class Solver:
         """
         check_keys('solver', values, list(cls.__dataclass_fields__))
         return cls(**{'physics': UNNAMED_PHYSICS, **values})
-
-
-def check_engine(engine: object, solver: Solver) -> None:
-    """Raise InvalidInput if there is no such engine, or it cannot do what the solver asks for."""
-    check_name('engine', engine, ENGINES)
-    if engine == 'batched' and solver.self_collision:
-        expected = 'false with the batched engine; the pymunk engine has self-collision'
-        raise InvalidInput('solver.self_collision', solver.self_collision, expected)

@@ -1,90 +1,27 @@
-"""Compiled functions: numba with a cache that lasts, keyed by the sources it was made from."""
+"""Compiled functions: numba's, with a cache that lasts (`code_cache`)."""
 
 import fcntl
-import functools
-import hashlib
-import os
-import re
-import threading
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core import config
+from numba.core.ccallback import CFunc
 from numba.core.compiler import Compiler
+from numba.core.sigutils import normalize_signature
 
-_lock = threading.Lock()
-
-
-@functools.cache
-def _cache_folder() -> str:
-    """Return the cache folder for the sources as they are now.
-
-    Numba recompiles a function when its own file changes, but neither when a function that it
-    calls does nor when a constant that it took from another module does. A digest of all sources
-    that can matter, in the folder's name, makes a stale result impossible.
-    """
-    digest = hashlib.sha256(numba.__version__.encode())
-    for source in _sources(Path(__file__).resolve().parents[2]):
-        digest.update(source)
-    home = os.environ.get('XDG_CACHE_HOME') or os.path.join(os.path.expanduser('~'), '.cache')
-    return os.path.join(home, 'snca_ros', digest.hexdigest()[:16])
+from sim_node.numerics.code_cache import CodeCache, folder
 
 
-def _sources(root: Path) -> list[bytes]:
-    """Return the modules below `root` that compile something, and all that they import."""
-    packages = root / 'sim_node', root / 'snca_ros'
-    sources = {
-        '.'.join(path.relative_to(root).with_suffix('').parts): path.read_bytes()
-        for package in packages
-        for path in package.rglob('*.py')
-    }
-    imports = {name: _imports(source) for name, source in sources.items()}
-    needed, waiting = set[str](), [name for name in sources if _compiles(imports[name])]
-    while waiting:
-        name = waiting.pop()
-        if name not in needed:
-            needed.add(name)
-            waiting += [other for other in imports[name] if other in sources]
-    return [sources[name] for name in sorted(needed)]
-
-
-def _compiles(imports: set[str]) -> bool:
-    """Tell whether a module with these `_imports` has compiled functions."""
-    return any(
-        name.startswith(f'{__name__}.') and not name.endswith('.warm_up') for name in imports
-    )
-
-
-_IMPORT = re.compile(rb'^ *from ([\w.]+) import (\([^)]*\)|.*)', re.MULTILINE)
-
-
-def _imports(source: bytes) -> set[str]:
-    """Return the modules, and the names as module.name, that a source imports from."""
-    found = set[str]()
-    for module, names in _IMPORT.findall(source):
-        found.add(module.decode())
-        found |= {b'.'.join((module, name)).decode() for name in re.findall(rb'\w+', names)}
-    return found
-
-
-def _cached(decorate: Callable) -> Callable:
-    with _lock:
-        before = vars(config)['CACHE_DIR']
-        vars(config)['CACHE_DIR'] = before or _cache_folder()
-        try:
-            return decorate()
-        finally:
-            vars(config)['CACHE_DIR'] = before
+def _kept(compiled: Any, function: Callable) -> Any:
+    """Let a compiled function keep its code between processes, where there is a place for it."""
+    if folder() is not None:
+        compiled._cache = CodeCache(function)
+    return compiled
 
 
 def _compiled(function: Callable, **options: Any) -> Callable:
-    return _cached(
-        lambda: numba.njit(
-            function, cache=True, error_model='numpy', no_cfunc_wrapper=True, **options
-        )
-    )
+    dispatcher = numba.njit(function, error_model='numpy', no_cfunc_wrapper=True, **options)
+    return _kept(dispatcher, function)
 
 
 def compiled(function: Callable) -> Callable:
@@ -136,9 +73,15 @@ def compiled_kernel(function: Callable) -> Callable:
 
 def compiled_callback(signature: Any) -> Callable:
     """Compile a function that C code can call; its `address` is the function pointer."""
-    return lambda function: _cached(
-        lambda: numba.cfunc(signature, cache=True, error_model='numpy')(function)
-    )
+    def decorate(function: Callable) -> Callable:
+        options = {'error_model': 'numpy'}
+        callback = _kept(
+            CFunc(function, normalize_signature(signature), {}, options), function
+        )
+        callback.compile()
+        return callback
+
+    return decorate
 
 
 def warm_up(name: str, run: Callable[[], object]) -> None:
@@ -148,13 +91,11 @@ def warm_up(name: str, run: Callable[[], object]) -> None:
         name: what is compiled, the same in all processes.
         run: calls the functions once; quick when they are in the cache.
     """
-    folder = Path(_cache_folder())
-    done = folder / f'{name}.compiled'
-    if done.exists():
+    place = folder()
+    if place is None or (done := place / f'{name}.compiled').exists():
         run()
         return
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / f'{name}.lock').open('w') as lock:
+    with (place / f'{name}.lock').open('w') as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         run()
         done.touch()

@@ -3,13 +3,14 @@
 import os
 from dataclasses import dataclass, fields
 
+from sim_node.engine import DEFAULT_ENGINE, ENGINES
 from sim_node.errors import InvalidInput, check_name
 from sim_node.model.body_faults import FAULTS_OF_BODY
 from sim_node.model.body_file import BodyPart, load_body
 from sim_node.model.material import Material
 from sim_node.model.morphology import parse_morphology
 from sim_node.model.physics import PHYSICS
-from sim_node.model.solver import ENGINES, Solver
+from sim_node.model.solver import Solver
 from sim_node.ros.node_base import RosNode
 from sim_node.simulation import Simulation
 
@@ -67,7 +68,7 @@ def simulation_of(node: RosNode) -> Simulation:
               'shape name or grid, e.g. biped, comb-7x2, 1111-1001')
     terrain = p('terrain', body.terrain if body else 'flat',
                 'flat | hilly-h-w-seed | steppy-h-w-seed | uphill-a | ...')
-    engine = p('engine', ENGINES[0], f'physics engine: {" | ".join(ENGINES)}')
+    engine = p('engine', DEFAULT_ENGINE, f'physics engine: {" | ".join(ENGINES)}')
     material, solver = (body.material, body.solver) if body else (Material(), Solver())
     constants = {
         f.name: p(

@@ -45,15 +45,15 @@ class Broadcast:
 
     def unheard(self, recorders: int) -> list[str]:
         """Return the topics that so many recorders do not listen to yet."""
-        topics = [self._odometry.topic_name]
+        names = [self._odometry.topic_name]
         for voxel in self._simulation.morphology.voxel_names:
             for topic in (topics.ACTUATION_TOPIC, topics.SENSORS_TOPIC):
-                topics.append(self._node.resolve_topic_name(f'{voxel}/{topic}'))
+                names.append(self._node.resolve_topic_name(f'{voxel}/{topic}'))
         # Every voxel topic has a listener besides: the voxel, or the simulation.
-        needed = [recorders] + [recorders + 1] * (len(topics) - 1)
+        needed = [recorders] + [recorders + 1] * (len(names) - 1)
         return [
-            topic for topic, need in zip(topics, needed, strict=True)
-            if self._node.count_subscribers(topic) < need
+            name for name, need in zip(names, needed, strict=True)
+            if self._node.count_subscribers(name) < need
         ]
 
     def publish_state(self) -> None:

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from sim_node.engine import DEFAULT_ENGINE, check_engine
 from sim_node.errors import InvalidInput, check_name
-from sim_node.model.solver import check_engine
 from sim_node.model.terrain import UNSEEN_TERRAINS, parse_terrain
 from snca_ros.api.processes import worker_processes
 from snca_ros.api.robot import Robot, as_faults, load
+from snca_ros.assessment.fault_sweep import parse_sweep
 from snca_ros.assessment.trials import FAULTY_STARTS, all_trials, check_trials, run_trials
 from snca_ros.evolution.episode import EPISODE
 from snca_ros.faults import NO_FAULTS, Faults
@@ -72,7 +73,7 @@ def assess(
     starts: int | None = None,
     faults: str | Faults | Iterable[str | Faults] | None = None,
     *,
-    engine: str = 'pymunk',
+    engine: str = DEFAULT_ENGINE,
     duration: float = EPISODE,
     workers: int = 1,
 ) -> Scores:
@@ -84,7 +85,7 @@ def assess(
         starts: pushed starts beside the exact one; None for 0, or with faults for 9.
         faults: what goes wrong, see docs/robustness.md. One number may be a range,
             FROM..TO or FROM..TO..STEP, such as 'loss=0..0.9..0.1', which stands for several.
-        engine: 'pymunk' or 'batched'.
+        engine: one of `sim_node.engine.ENGINES`, such as 'batched'.
         duration: of an episode [s]; its first 5 s do not count.
         workers: processes, see `evolve`; the result does not depend on it.
 
@@ -129,8 +130,6 @@ def _all_faults(
     found: dict[str, Faults] = {}
     for one in several:
         if isinstance(one, str) and '=' in one and '..' in one:
-            from snca_ros.assessment.fault_sweep import parse_sweep  # draws too: matplotlib
-
             sweep = parse_sweep(one)
             found.update(zip(sweep.texts, sweep.faults, strict=True))
         else:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from sim_node.control_time import CONTROL_RATE
+from sim_node.engine import DEFAULT_ENGINE
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import Morphology
 from snca_ros.bundled import find_controller
@@ -57,7 +58,7 @@ class Robot:
         *,
         terrain: str = '',
         faults: str | Faults = '',
-        engine: str = 'pymunk',
+        engine: str = DEFAULT_ENGINE,
         push: int = 0,
     ) -> RecordedEpisode:
         """Run one episode; the same call gives the same numbers, to the bit.
@@ -68,7 +69,7 @@ class Robot:
                 `values`, `corners` and `thresholds`, one of them, or 'all'.
             terrain: name of the ground, such as 'hilly-1-10-0'; '' for the one it was evolved on.
             faults: what goes wrong, such as 'loss=0.3,death=0.5@10', see docs/robustness.md.
-            engine: 'pymunk' or 'batched'.
+            engine: one of `sim_node.engine.ENGINES`, such as 'batched'.
             push: 0, or the number of a pushed start: another walk of the same robot.
 
         Raises:

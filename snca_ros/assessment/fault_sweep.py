@@ -1,22 +1,16 @@
-"""What `assess --faults` does: v_x against a fault that grows, mean and spread over starts."""
+"""v_x against a fault that grows: mean and spread over starts."""
 
-import argparse
 import re
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from sim_node.errors import InvalidInput
-from snca_ros.assessment.trials import Trial, all_trials, run_trials, summary, write_csv
+from snca_ros.assessment.trials import Trial, all_trials, summary
 from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import EPISODE
-from snca_ros.evolution.workers import Workers
 from snca_ros.faults import Faults, parse_faults
-from snca_ros.recording.figures import write_figure
 
 COLUMNS = ('controller', 'faults', 'x', 'terrain', 'engine', 'start', 'v_x')
 """Of the CSV, a row per episode; x is the value of the fault that grows."""
@@ -73,37 +67,6 @@ def parse_sweep(text: str) -> Sweep:
     return Sweep(text, f'{before}x{after}', tuple(map(float, numbers)), faults, texts)
 
 
-def assess_faults(
-    args: argparse.Namespace,
-    trained: Sequence[TrainedController],
-    terrains: Sequence[str],
-    opened: AbstractContextManager[Workers],
-) -> int:
-    """Sweep as the command line says; return the exit code."""
-    sweeps = [parse_sweep(text) for text in args.faults]
-    n_starts = 1 + args.starts
-    rows: list[tuple] = []
-    scores = []
-    with opened as workers:
-        for sweep in sweeps:
-            trials = sweep_trials(trained, sweep, terrains, args.engine, n_starts, args.duration)
-            v_x = run_trials(workers, trials)
-            shape = len(trained), len(sweep.values), n_starts, len(terrains)
-            scores.append(v_x.reshape(shape).mean(axis=3))
-            print('\n'.join(table(args.controllers, sweep, scores[-1])), end='\n\n', flush=True)
-            points = product(args.controllers, sweep.values)
-            at = [point for point in points for _ in range(n_starts * len(terrains))]
-            rows += [
-                (name, sweep.text, x, trial.terrain, trial.engine, trial.start, v)
-                for (name, x), trial, v in zip(at, trials, v_x.tolist(), strict=True)
-            ]
-    if args.csv:
-        write_csv(args.csv, COLUMNS, rows)
-    if args.figure:
-        write_figure(draw_sweeps(args.controllers, sweeps, scores), args.figure)
-    return 0
-
-
 def sweep_trials(
     trained: Sequence[TrainedController],
     sweep: Sweep,
@@ -117,7 +80,7 @@ def sweep_trials(
 
 
 def table(names: Sequence[str], sweep: Sweep, scores: np.ndarray) -> list[str]:
-    """Return lines that tell mean and standard deviation over starts of each controller.
+    """Return mean and standard deviation over starts of each controller as lines of text.
 
     Args:
         names: of the controllers.
@@ -130,36 +93,3 @@ def table(names: Sequence[str], sweep: Sweep, scores: np.ndarray) -> list[str]:
         pairs = (summary(of_one.tolist()) for of_one in of_all)
         lines.append(f'{value:8g}' + ''.join(f'  {m:9.3f}{s:9.3f}' for m, s in pairs))
     return lines
-
-
-def draw_sweeps(
-    names: Sequence[str], sweeps: Sequence[Sweep], scores: Sequence[np.ndarray]
-) -> Figure:
-    """Return a figure with a panel per sweep: mean v_x over starts, a standard deviation around.
-
-    Args:
-        names: of the controllers.
-        sweeps: what was done.
-        scores: (n_controllers, n_values, n_starts) v_x [m/s] of each sweep.
-    """
-    n_columns = min(3, len(sweeps))
-    n_rows = -(-len(sweeps) // n_columns)
-    figure = Figure(figsize=(0.8 + 2.6 * n_columns, 0.5 + 2.2 * n_rows), layout='constrained')
-    panels = figure.subplots(n_rows, n_columns, sharey=True, squeeze=False).ravel()
-    for axes in panels[len(sweeps) :]:
-        axes.remove()
-    for axes, sweep, of_sweep in zip(panels, sweeps, scores, strict=False):
-        for i, of_one in enumerate(of_sweep):
-            pairs = [summary(v_x.tolist()) for v_x in of_one]
-            mean, std = np.array([p if np.isfinite(p).all() else (np.nan, np.nan) for p in pairs]).T
-            color, label = f'C{i % 10}', names[i] if axes is panels[0] else None
-            axes.plot(sweep.values, mean, '.-', color=color, label=label)
-            axes.fill_between(sweep.values, mean - std, mean + std, color=color, alpha=0.25)
-        axes.axhline(0.0, color='0.55', linewidth=0.5)
-        axes.grid(axis='y', linewidth=0.5)
-        axes.set_xlabel(sweep.label, fontsize=8)
-        axes.tick_params(labelsize=8)
-    for axes in panels[::n_columns]:
-        axes.set_ylabel('v_x [m/s]', fontsize=8)
-    figure.legend(loc='outside upper left', fontsize=8)
-    return figure

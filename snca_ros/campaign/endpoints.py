@@ -122,7 +122,7 @@ def _of_the_best(config: RunConfig, best: TrainedController) -> dict[str, object
         'chosen_by': best.chosen_by,
         'v_x_end': best.v_x[config.engine],
         'v_x_other': best.v_x.get(config.other_engine, ''),
-        'starts': _told(STARTS), 'v_x_pushed_mean': mean, 'v_x_pushed_std': deviation,
+        'starts': _format_starts(STARTS), 'v_x_pushed_mean': mean, 'v_x_pushed_std': deviation,
         'v_x_unseen': summary(unseen)[0], **dict(zip(UNSEEN_KINDS, unseen, strict=True)),
         'frequency': dominant_frequency(steady), 'vibration': vibration_share(steady),
     }
@@ -136,7 +136,7 @@ def _of_the_robust(
     mean, deviation = _pushed(own, ROBUST_STARTS)
     return {
         'robust_rank': 1 + chosen.place, 'v_x_robust_chosen': chosen.mean,
-        'robust_starts': _told(ROBUST_STARTS),
+        'robust_starts': _format_starts(ROBUST_STARTS),
         'v_x_robust_mean': mean, 'v_x_robust_std': deviation,
         'v_x_robust_unseen': summary(_unseen(own))[0],
     }
@@ -152,7 +152,7 @@ def _pushed(own: Trial, starts: Sequence[int]) -> tuple[float, float]:
     return summary([score(replace(own, start=start)) for start in starts])
 
 
-def _told(starts: range) -> str:
+def _format_starts(starts: range) -> str:
     return f'{starts[0]}-{starts[-1]}'
 
 

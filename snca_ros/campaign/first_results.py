@@ -10,16 +10,19 @@ from typing import Any
 
 from sim_node.errors import InvalidInput
 from sim_node.model.physics import UNNAMED_PHYSICS
-from sim_node.model.solver import ENGINES, Solver
+from sim_node.model.solver import Solver
 from sim_node.model.terrain import FIRST_TERRAIN_SET, TERRAIN_SETS, UNSEEN_KINDS
 from snca_ros.campaign.columns import COLUMNS, settings_of
 from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.strategies import STRATEGIES
 
+FIRST_ENGINES = ('pymunk', 'batched')
+"""The engines that there were."""
+
 FIRST_COLUMNS = (
     'run', 'shape', 'architecture', 'neuron_model', 'as_printed', 'seed', 'engine',
-    'n_evaluations', 'v_x', 'chosen_by', *(f'v_x_{engine}' for engine in ENGINES),
+    'n_evaluations', 'v_x', 'chosen_by', *(f'v_x_{engine}' for engine in FIRST_ENGINES),
     'v_x_unseen', *TERRAIN_SETS[FIRST_TERRAIN_SET], 'starts', 'v_x_starts_mean', 'v_x_starts_std',
     'frequency',
 )
@@ -77,7 +80,7 @@ def _config(row: dict[str, str]) -> RunConfig:
             options[key] = _number(key, word, name)
         elif word in STRATEGIES:
             options['strategy'] = word
-        elif word not in ENGINES:
+        elif word not in FIRST_ENGINES:
             options['terrain'] = word
     cell = Architecture.named(row['architecture'], row['neuron_model'], as_printed=printed)
     config = RunConfig(
@@ -85,8 +88,8 @@ def _config(row: dict[str, str]) -> RunConfig:
         solver=Solver(physics=UNNAMED_PHYSICS), **options,
     )
     if config.name != name or config.evaluations != int(row['n_evaluations']):
-        told = f'{config.name} with {config.evaluations} evaluations'
-        raise InvalidInput('run', name, f'the name that its row gives it, {told}')
+        named = f'{config.name} with {config.evaluations} evaluations'
+        raise InvalidInput('run', name, f'the name that its row gives it, {named}')
     return config
 
 

@@ -10,7 +10,7 @@ from sim_node.errors import InvalidInput
 from snca_ros.campaign.columns import COLUMNS, INTEGERS, MAY_BE_EMPTY, TEXTS
 from snca_ros.campaign.endpoints import CURVE_COLUMNS, Outcome
 from snca_ros.campaign.first_results import FIRST_COLUMNS, FIRST_INTEGERS, FIRST_TEXTS, converted
-from snca_ros.files import hold_folder, told, write_atomically, write_text
+from snca_ros.files import hold_folder, reason_of, write_atomically, write_text
 
 
 class Results:
@@ -77,7 +77,7 @@ def read_rows(path: Path) -> list[dict[str, str]]:
         with path.open(newline='') as file:
             header, *rows = csv.reader(file, strict=True)
     except (OSError, ValueError, csv.Error) as error:
-        raise InvalidInput('file', told(error), 'a table of results', str(path)) from None
+        raise InvalidInput('file', reason_of(error), 'a table of results', str(path)) from None
     if tuple(header) not in _KINDS:
         raise InvalidInput('header', header, ','.join(COLUMNS), str(path))
     seen: set[str] = set()

@@ -1,9 +1,7 @@
 """Figures that compare types of controllers, one per shape, as the paper draws them."""
 
-import io
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -28,22 +26,13 @@ from snca_ros.comparison.runs import (
     controller_types,
     known_measures,
 )
-from snca_ros.comparison.tables import FAST_PEAK, MOSTLY, told_p
+from snca_ros.comparison.style import INK, STYLE, new_panel, svg_text
+from snca_ros.comparison.tables import FAST_PEAK, MOSTLY, format_p
 from snca_ros.recording.gait import VIBRATION
 
-INK, PAPER = '#1a1a1a', '#ffffff'
-"""Colours of what a page may draw light on dark instead."""
-
-_STYLE: dict[Any, Any] = {
-    'font.size': 9.0, 'svg.fonttype': 'none', 'svg.hashsalt': 'snca_ros',
-    'text.color': INK, 'axes.edgecolor': INK, 'axes.labelcolor': INK, 'xtick.color': INK,
-    'ytick.color': INK, 'figure.facecolor': PAPER, 'axes.facecolor': PAPER,
-    'legend.facecolor': PAPER, 'axes.titlesize': 10.0, 'axes.titlelocation': 'left',
-}
 _BOXES = {END: (-0.2, 0.9), UNSEEN: (0.2, 0.4)}  # measure: place and opacity
 _LIGHT_TEXT, _DARK_TEXT = '#fafafa', '#101010'  # on colours, whatever the page
 _GREY = '#777777'
-_NO_METADATA = ('Creator', 'Date', 'Format', 'Type')
 
 
 def draw_all(cases: Cases, shown: Sequence[Contrast]) -> list[tuple[str, str, str]]:
@@ -64,7 +53,7 @@ def draw_all(cases: Cases, shown: Sequence[Contrast]) -> list[tuple[str, str, st
     found = speeds[np.isfinite(speeds)]
     lowest, highest = found.min(initial=0.0), found.max(initial=0.0) or 1.0
     figures: list[tuple[str, str, Figure]] = []
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         for shape, of_shape in cases.items():
             of_it = [contrast for contrast in shown if contrast.shape == shape]
             figures += [
@@ -75,22 +64,7 @@ def draw_all(cases: Cases, shown: Sequence[Contrast]) -> list[tuple[str, str, st
                 else _draw_frequencies(shape, of_shape, colors),
                 ('luck', shape, _draw_luck(shape, of_shape, colors)),
             ]
-        return [(kind, shape, _svg(figure)) for kind, shape, figure in figures]
-
-
-def _svg(figure: Figure) -> str:
-    text = io.StringIO()
-    figure.savefig(text, format='svg', metadata=dict.fromkeys(_NO_METADATA))
-    return text.getvalue()
-
-
-def _panel(shape: str, height: float = 3.4, width: float = 4.4) -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(width, height), layout='constrained')
-    axes = figure.subplots()
-    axes.set_title(shape)
-    axes.spines[['top', 'right']].set_visible(False)
-    axes.set_axisbelow(True)
-    return figure, axes
+        return [(kind, shape, svg_text(figure)) for kind, shape, figure in figures]
 
 
 def _draw_boxes(
@@ -106,7 +80,7 @@ def _draw_boxes(
         extent: least and greatest speed [m/s] of all shapes.
     """
     levels = sum(contrast.measure == END for contrast in shown)
-    figure, axes = _panel(shape, 3.4 + 0.3 * levels, max(4.4, 0.75 * len(of_shape)))
+    figure, axes = new_panel(shape, 3.4 + 0.3 * levels, max(4.4, 0.75 * len(of_shape)))
     for place, (controller, runs) in enumerate(of_shape.items()):
         for measure, (aside, alpha) in _BOXES.items():
             _draw_box(axes, column_of(runs, measure), place + aside, colors[controller], alpha)
@@ -127,7 +101,9 @@ def _draw_boxes(
         Patch(facecolor=_GREY, alpha=alpha, edgecolor=INK, label=MEASURES[measure])
         for measure, (_, alpha) in _BOXES.items()
     ]
-    figure.legend(handles=named, loc='outside upper right', ncols=len(named), fontsize=7.5)
+    axes.legend(
+        handles=named, loc='lower right', bbox_to_anchor=(1.0, 1.0), ncol=len(named), fontsize=7.5
+    )
     return figure
 
 
@@ -157,7 +133,7 @@ def _draw_bracket(
     ends = [types.index(c) + aside for c in (contrast.first, contrast.second)]
     foot = at - 0.2 * away
     axes.plot([ends[0], *ends, ends[1]], [foot, at, at, foot], color=INK, linewidth=0.8)
-    text = f'{told_p(contrast.result.p)} ({told_p(contrast.p_holm)})'
+    text = f'{format_p(contrast.result.p)} ({format_p(contrast.p_holm)})'
     axes.text(
         float(np.mean(ends)), at + 0.08 * away, text, ha='center', fontsize=7.5,
         va='bottom' if away > 0.0 else 'top',
@@ -210,7 +186,7 @@ def _draw_curves(
     shape: str, of_shape: dict[ControllerType, list[Run]], colors: dict[ControllerType, str]
 ) -> Figure:
     """Draw the best v_x so far: median and quartiles of each type, up to its shortest run."""
-    figure, axes = _panel(shape)
+    figure, axes = new_panel(shape)
     for controller, runs in of_shape.items():
         evaluations, found = median_curve([read_curve(run.history) for run in runs])
         low, median, high = np.where(np.isfinite(found), found, np.nan)
@@ -264,7 +240,7 @@ def _draw_each(
     column: str, line: float,
 ) -> tuple[Figure, Axes]:
     """Draw every run's value, sorted, and their median; boxes would fill gaps between gaits."""
-    figure, axes = _panel(shape, width=max(4.4, 0.75 * len(of_shape)))
+    figure, axes = new_panel(shape, width=max(4.4, 0.75 * len(of_shape)))
     for place, (controller, runs) in enumerate(of_shape.items()):
         values = np.sort(column_of(runs, column))
         places = place + 0.6 * ((np.arange(len(runs)) + 0.5) / len(runs) - 0.5)
@@ -281,7 +257,7 @@ def _draw_luck(
     shape: str, of_shape: dict[ControllerType, list[Run]], colors: dict[ControllerType, str]
 ) -> Figure:
     """Draw what the engine of evolution says against what the other and pushed starts say."""
-    figure, axes = _panel(shape, 4.0)
+    figure, axes = new_panel(shape, 4.0)
     for controller, runs in of_shape.items():
         own, color = column_of(runs, END), colors[controller]
         axes.plot(own, column_of(runs, OTHER_ENGINE), 'o', color=color, mfc='none', markersize=5)

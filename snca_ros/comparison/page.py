@@ -4,9 +4,9 @@ import html
 import re
 from collections.abc import Sequence
 
-from snca_ros.comparison.figures import INK, PAPER
 from snca_ros.comparison.rank_test import LEVEL
 from snca_ros.comparison.runs import Cases, evidence
+from snca_ros.comparison.style import INK, PAPER
 from snca_ros.comparison.tables import Table
 from snca_ros.recording.gait import VIBRATION
 

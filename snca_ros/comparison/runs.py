@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from sim_node.engine import ENGINES
 from sim_node.errors import InvalidInput, check_name
 from sim_node.model.physics import PHYSICS
-from sim_node.model.solver import ENGINES
 from sim_node.model.terrain import TERRAIN_SETS
 from snca_ros.campaign.columns import unusual_cell
 from snca_ros.campaign.results import read_rows
@@ -210,7 +210,7 @@ def missing_runs(cases: Cases, campaigns: Sequence[Path]) -> list[str]:
         if n < wanted:
             so_far = f'only {n} of {wanted} runs' if n else 'no run yet'
             lacking.setdefault(f'{case[0]}: {so_far}', []).append(str(case[1]))
-    return [f'{told} of {", ".join(types)}' for told, types in lacking.items()]
+    return [f'{state} of {", ".join(types)}' for state, types in lacking.items()]
 
 
 def warnings(cases: Cases) -> list[str]:
@@ -219,7 +219,8 @@ def warnings(cases: Cases) -> list[str]:
     for shape, of_shape in cases.items():
         for controller, runs in of_shape.items():
             if len(runs) < FEWEST_SEEDS:
-                lines.append(f'{shape}, {controller}: {told_seeds(runs)}, too few for a conclusion')
+                seeds = describe_seeds(runs)
+                lines.append(f'{shape}, {controller}: {seeds}, too few for a conclusion')
             diverged = sum(any(np.isinf(run.value(m)) for m in MEASURES) for run in runs)
             if diverged:
                 lines.append(f'{shape}, {controller}: {diverged} of {len(runs)} runs diverged in '
@@ -233,13 +234,13 @@ def warnings(cases: Cases) -> list[str]:
     return lines
 
 
-def told_seeds(runs: Sequence[Run]) -> str:
+def describe_seeds(runs: Sequence[Run]) -> str:
     """Return the number of seeds of runs as text."""
     n = len({run.row['seed'] for run in runs})
     return f'{n} seed{"s" * (n != 1)}'
 
 
-def told_evaluations(runs: Sequence[Run]) -> str:
+def describe_evaluations(runs: Sequence[Run]) -> str:
     """Return the evaluations per run as text: a number, or the least and the most."""
     spent = [run.evaluations for run in runs]
     least, most = min(spent), max(spent)
@@ -250,6 +251,6 @@ def evidence(of_shape: dict[ControllerType, list[Run]]) -> str:
     """Return how many seeds and evaluations there are of each type of controller."""
     types: dict[str, list[str]] = {}
     for controller, runs in of_shape.items():
-        spent = f'{told_seeds(runs)} × {told_evaluations(runs)} evaluations'
+        spent = f'{describe_seeds(runs)} × {describe_evaluations(runs)} evaluations'
         types.setdefault(spent, []).append(str(controller))
     return '; '.join(f'{spent} of {", ".join(names)}' for spent, names in types.items())

@@ -1,77 +1,66 @@
-"""The `study` command: statistics and figures of campaigns, and a page that holds them all."""
+"""A study: what is compared in results of campaigns, its tables, and the files that hold it all."""
 
-import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
-from sim_node.errors import InvalidInput
 from snca_ros.comparison.pairwise import contrasts, contrasts_csv, shown_contrasts
 from snca_ros.comparison.runs import missing_runs, read_cases, warnings
 from snca_ros.comparison.tables import (
+    Table,
     champions_table,
     contrasts_table,
     factors_table,
     speeds_table,
-    told_lines,
+    titled_list,
     vibration_table,
 )
-from snca_ros.files import write_text
-
-EXAMPLES = """
-  snca study results/example
-  snca study results/main results/more --campaign config/experiments/paper-main.yaml
-  snca study results/example --text
-"""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command line of `study`."""
-    parser.add_argument('results', nargs='+', type=Path, metavar='RESULTS',
-                        help='results folders of campaigns; their tables are joined')
-    parser.add_argument('--campaign', action='append', type=Path, default=[], metavar='FILE',
-                        help='only the runs of this campaign file, of which the missing '
-                             'are named; may be given again')
-    parser.add_argument('--output', type=Path, metavar='FOLDER',
-                        help='index.html, statistics.csv and figures (default RESULTS/study)')
-    parser.add_argument('--text', action='store_true',
-                        help='only print a summary in Markdown; write nothing')
+class Study:
+    """The runs of results folders, compared.
 
+    Args:
+        results: folders of results of campaigns; their tables are joined.
+        campaigns: only the runs of these campaign files; all if there is none.
 
-def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
-    """Study as the command line says; return the exit code."""
-    if args.text and args.output:
-        parser.error('--text writes nothing; drop --output')
-    cases = read_cases(args.results, args.campaign)
-    found = contrasts(cases)
-    shown = shown_contrasts(found)
-    warned, missing = warnings(cases), missing_runs(cases, args.campaign)
-    tables = [
-        speeds_table(cases), champions_table(cases), vibration_table(cases), factors_table(cases),
-    ]
-    summary = [
-        *(table.markdown() for table in (*tables, contrasts_table(shown)) if table.rows),
-        *told_lines('Warnings', warned), *told_lines('Missing', missing),
-    ]
-    if args.text:
-        print('\n\n'.join(summary), flush=True)
-        return 0
+    Attributes:
+        warnings: lines that name dangers.
+        missing: lines that name runs of the campaigns that have no results.
 
-    from snca_ros.comparison.figures import draw_all  # matplotlib loads slowly
-    from snca_ros.comparison.page import page
+    Raises:
+        InvalidInput: a table or a campaign file cannot be read or is damaged.
+    """
 
-    figures = draw_all(cases, shown)
-    tables = [table for table in (*tables, contrasts_table(found)) if table.rows]
-    files = {f'{kind}-{shape}.svg': svg for kind, shape, svg in figures}
-    files['statistics.csv'] = contrasts_csv(found)
-    files['index.html'] = page(cases, missing, warned, tables, figures)
-    output = args.output or args.results[0] / 'study'
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-        for name, text in files.items():
-            write_text(output / name, text)
-    except OSError as error:
-        expected = 'a folder that can be written'
-        raise InvalidInput('output', error.strerror, expected, str(output)) from None
-    for line in (*warned, *missing):
-        print(line)
-    print(f'{output / "index.html"}: {len(figures)} figures; statistics.csv has all comparisons')
-    return 0
+    def __init__(self, results: Sequence[Path], campaigns: Sequence[Path] = ()) -> None:
+        self._cases = read_cases(results, campaigns)
+        self._contrasts = contrasts(self._cases)
+        self._shown = shown_contrasts(self._contrasts)
+        self.warnings = warnings(self._cases)
+        self.missing = missing_runs(self._cases, campaigns)
+        self._tables = [
+            speeds_table(self._cases), champions_table(self._cases),
+            vibration_table(self._cases), factors_table(self._cases),
+        ]
+
+    def summary(self) -> str:
+        """Return the tables with the shown contrasts, warnings and missing runs, in Markdown."""
+        return '\n\n'.join([
+            *(table.markdown() for table in self._with(contrasts_table(self._shown))),
+            *titled_list('Warnings', self.warnings), *titled_list('Missing', self.missing),
+        ])
+
+    def files(self) -> dict[str, str]:
+        """Return index.html, statistics.csv and figures (.svg): names to texts."""
+        from snca_ros.comparison.figures import draw_all  # matplotlib loads slowly
+        from snca_ros.comparison.page import page
+
+        figures = draw_all(self._cases, self._shown)
+        tables = self._with(contrasts_table(self._contrasts))
+        return {
+            **{f'{kind}-{shape}.svg': svg for kind, shape, svg in figures},
+            'statistics.csv': contrasts_csv(self._contrasts),
+            'index.html': page(self._cases, self.missing, self.warnings, tables, figures),
+        }
+
+    def _with(self, table: Table) -> list[Table]:
+        return [table for table in (*self._tables, table) if table.rows]

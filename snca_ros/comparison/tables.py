@@ -18,10 +18,10 @@ from snca_ros.comparison.runs import (
     Cases,
     Run,
     column_of,
+    describe_evaluations,
+    describe_seeds,
     fastest,
     known_measures,
-    told_evaluations,
-    told_seeds,
 )
 from snca_ros.recording.gait import VIBRATION
 
@@ -40,7 +40,7 @@ class Table:
         return '\n'.join([f'**{self.title}**', '', *(f'| {" | ".join(line)} |' for line in lines)])
 
 
-def told_p(p: float) -> str:
+def format_p(p: float) -> str:
     """Return a p-value as text, with one more digit where it would read like 0.05 itself."""
     if p < 0.001:
         return '< 0.001'
@@ -52,15 +52,15 @@ def speeds_table(cases: Cases) -> Table:
     known = [c for c in ENDPOINTS if c != ROBUST or c in known_measures(cases)]
     columns = {**{c: ENDPOINTS[c] for c in known}, 'frequency': 'frequency [Hz]'}
     rows = [
-        [shape, str(controller), told_seeds(runs).split()[0], told_evaluations(runs),
-         *(_told_quartiles(runs, column) for column in columns)]
+        [shape, str(controller), describe_seeds(runs).split()[0], describe_evaluations(runs),
+         *(_format_quartiles(runs, column) for column in columns)]
         for shape, of_shape in cases.items() for controller, runs in of_shape.items()
     ]
     header = ['shape', 'controller', 'seeds', 'evaluations', *columns.values()]
     return Table('v_x [m/s] of the best controllers: median (quartiles)', header, rows)
 
 
-def _told_quartiles(runs: list[Run], column: str) -> str:
+def _format_quartiles(runs: list[Run], column: str) -> str:
     values = column_of(runs, column)
     if np.isnan(values).any():
         return '–'
@@ -77,20 +77,20 @@ def champions_table(cases: Cases) -> Table:
         for runs in of_shape.values():
             best = fastest(runs)
             rows.append([
-                best.row['run'], *(_told(best.value(column)) for column in columns),
-                *_told_starts(best, 'pushed', 'starts'),
-                *(_told_starts(best, 'robust', 'robust_starts') if robust else ()),
+                best.row['run'], *(_format(best.value(column)) for column in columns),
+                *_format_starts(best, 'pushed', 'starts'),
+                *(_format_starts(best, 'robust', 'robust_starts') if robust else ()),
             ])
     header = ['run', *columns.values(), 'pushed mean ± deviation', 'starts']
     header += ['robust mean ± deviation', 'starts'] if robust else []
     return Table('v_x [m/s] of the fastest of each type over pushed starts', header, rows)
 
 
-def _told(value: float) -> str:
+def _format(value: float) -> str:
     return '–' if np.isnan(value) else f'{value:.2f}'
 
 
-def _told_starts(run: Run, what: str, starts: str) -> tuple[str, str]:
+def _format_starts(run: Run, what: str, starts: str) -> tuple[str, str]:
     """Return mean and standard deviation over starts, and which starts."""
     mean, std = (run.value(f'v_x_{what}_{of}') for of in ('mean', 'std'))
     return f'{mean:.2f} ± {std:.2f}', run.row[starts].replace('-', ' to ')
@@ -132,9 +132,9 @@ def vibration_table(cases: Cases) -> Table:
             slow = [run for run in runs if not vibrates(run)]
             rows.append([
                 shape, str(controller),
-                *([_told_range(100.0 * column_of(runs, 'vibration'), '.0f')] if shares else ()),
-                _told_range(column_of(runs, 'frequency'), '.2f'),
-                f'{len(fast)} of {len(runs)}', _told_pace(fast, known), _told_pace(slow, known),
+                *([_format_range(100.0 * column_of(runs, 'vibration'), '.0f')] if shares else ()),
+                _format_range(column_of(runs, 'frequency'), '.2f'),
+                f'{len(fast)} of {len(runs)}', _format_pace(fast, known), _format_pace(slow, known),
             ])
     vibrating = f'above {FAST_PEAK:g} Hz'
     if shares:
@@ -146,13 +146,13 @@ def vibration_table(cases: Cases) -> Table:
     return Table('Vibration: medians of runs that do and that do not', header, rows)
 
 
-def _told_range(values: np.ndarray, form: str) -> str:
+def _format_range(values: np.ndarray, form: str) -> str:
     if np.isnan(values).any():
         return '–'
     return f'{values.min():{form}} to {values.max():{form}}'
 
 
-def _told_pace(runs: list[Run], by_pushed: bool) -> str:
+def _format_pace(runs: list[Run], by_pushed: bool) -> str:
     base, least = (PUSHED, SLOWEST) if by_pushed else (END, np.nextafter(0.0, 1.0))
     walked = [run for run in runs if run.value(base) >= least]
     if not walked:
@@ -202,12 +202,12 @@ def contrasts_table(found: list[Contrast]) -> Table:
         rows.append([
             contrast.shape, MEASURES[contrast.measure],
             str(contrast.first), str(contrast.second), f'{first:.2f}, {second:.2f}',
-            told_p(result.p), told_p(contrast.p_holm),
+            format_p(result.p), format_p(contrast.p_holm),
             f'{result.a:.2f} ({result.a_low:.2f} to {result.a_high:.2f})',
         ])
     return Table('First type against second', header, rows)
 
 
-def told_lines(title: str, lines: list[str]) -> list[str]:
+def titled_list(title: str, lines: list[str]) -> list[str]:
     """Return a Markdown list under a title; nothing if there are no lines."""
     return ['\n'.join([f'**{title}**', '', *(f'- {line}' for line in lines)])] if lines else []

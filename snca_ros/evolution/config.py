@@ -6,11 +6,12 @@ from typing import Any
 
 import yaml
 
+from sim_node.engine import DEFAULT_ENGINE, ENGINES, check_engine
 from sim_node.errors import InvalidInput, check_keys
 from sim_node.model.material import Material
 from sim_node.model.morphology import parse_morphology
 from sim_node.model.physics import DEFAULT_PHYSICS, UNNAMED_PHYSICS
-from sim_node.model.solver import ENGINES, Solver, check_engine
+from sim_node.model.solver import Solver
 from sim_node.model.terrain import parse_terrain
 from sim_node.simulation import Simulation
 from snca_ros.cell.architecture import Architecture
@@ -33,7 +34,7 @@ class RunConfig:
         strategy: one of `snca_ros.evolution.strategies.STRATEGIES`.
         duration, transient: of an episode [s], and what its score ignores at the start [s].
         material, solver: of the simulation.
-        engine: one of `sim_node.model.solver.ENGINES`, in which episodes are scored.
+        engine: one of `sim_node.engine.ENGINES`, in which episodes are scored.
 
     Raises:
         InvalidInput: a value is off.
@@ -50,7 +51,7 @@ class RunConfig:
     transient: float = TRANSIENT
     material: Material = field(default_factory=Material)
     solver: Solver = field(default_factory=Solver)
-    engine: str = 'pymunk'
+    engine: str = DEFAULT_ENGINE
     strategy: str = 'es'
 
     def __post_init__(self) -> None:
@@ -94,7 +95,7 @@ class RunConfig:
         if cell.hidden != usual.hidden:
             parts.append(f'hidden{"x".join(map(str, cell.hidden)) or 0}')
         parts.append(self.terrain)
-        if self.engine != 'pymunk':
+        if self.engine != DEFAULT_ENGINE:
             parts.append(self.engine)
         if self.strategy != 'es':
             parts.append(self.strategy)

@@ -1,12 +1,16 @@
 """The task: walk to the right. One episode gives v_x, the fitness."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from sim_node.control_time import CONTROL_RATE
+from sim_node.engine import Engine
+from sim_node.model.sensors import center_of_mass
+from sim_node.munk2d.engine import PymunkEngine, move_disturbed
 from sim_node.numerics.jit import compiled
-from sim_node.simulation import Diverged, Simulation, advance, center
+from sim_node.simulation import Diverged, Simulation
 from snca_ros.controller import Controller, step_all, step_all_faulty
 
 EPISODE, TRANSIENT = 30.0, 5.0
@@ -23,15 +27,15 @@ def _walk(world, cells, neighbors, n_steps, disturbance, faults, centers):
     Without `faults`, None, what they cost is not even compiled.
     """
     actuation = np.zeros(neighbors.shape[0])
-    centers[0] = center(world)
+    centers[0] = center_of_mass(world.masses)
     for k in range(n_steps):
         if faults is None:
             step_all(cells, neighbors, world.readings, k, actuation)
         else:
             step_all_faulty(cells, neighbors, world.readings, k, actuation, faults, k)
-        if not advance(world, actuation, k + 1, disturbance, k):
+        if not move_disturbed(world, actuation, k + 1, disturbance, k):
             return k
-        centers[k + 1] = center(world)
+        centers[k + 1] = center_of_mass(world.masses)
     return n_steps
 
 
@@ -66,9 +70,26 @@ def run_episode(
     simulation: Simulation, controller: Controller, duration: float = EPISODE
 ) -> Episode:
     """Let `controller` walk `simulation`'s robot from its start for `duration` seconds."""
-    n_steps = round(duration * CONTROL_RATE)
-    if simulation.engine != 'pymunk':
-        return _step_by_step(simulation, controller, n_steps)
+    run = EPISODE_RUNNERS.get(type(simulation.backend), run_step_by_step)
+    return run(simulation, controller, round(duration * CONTROL_RATE))
+
+
+def run_step_by_step(simulation: Simulation, controller: Controller, n_steps: int) -> Episode:
+    """Run an episode of `n_steps` control steps, in any engine."""
+    readings = simulation.reset()
+    controller.reset()
+    centers = [simulation.center]
+    try:
+        for _ in range(n_steps):
+            readings = simulation.step(controller.step(readings))
+            centers.append(simulation.center)
+    except Diverged:
+        return Episode(np.array(centers), diverged=True)
+    return Episode(np.array(centers), diverged=False)
+
+
+def run_compiled(simulation: Simulation, controller: Controller, n_steps: int) -> Episode:
+    """Run the same in pymunk as one compiled loop."""
     simulation.reset()
     controller.reset()
     centers = np.empty((n_steps + 1, 2))
@@ -85,15 +106,10 @@ def run_episode(
     return Episode(centers[: done + 1], diverged=done < n_steps)
 
 
-def _step_by_step(simulation: Simulation, controller: Controller, n_steps: int) -> Episode:
-    """Run an episode in any engine; `crowd` has the fast way of the batched one."""
-    readings = simulation.reset()
-    controller.reset()
-    centers = [simulation.center]
-    try:
-        for _ in range(n_steps):
-            readings = simulation.step(controller.step(readings))
-            centers.append(simulation.center)
-    except Diverged:
-        return Episode(np.array(centers), diverged=True)
-    return Episode(np.array(centers), diverged=False)
+EPISODE_RUNNERS: dict[type[Engine], Callable[[Simulation, Controller, int], Episode]] = {
+    PymunkEngine: run_compiled,
+}
+"""Engines whose episodes have a faster way than `run_step_by_step`, which must give the same bits.
+
+A class that derives from one of them does not inherit it, since it may step in another way.
+"""

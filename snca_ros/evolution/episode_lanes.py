@@ -4,10 +4,12 @@ import numpy as np
 
 from sim_node.batched.engine import Robots, advance_group
 from sim_node.control_time import CONTROL_RATE
-from sim_node.model.morphology import Morphology
+from sim_node.model.morphology import Morphology, parse_morphology
+from sim_node.model.terrain import parse_terrain
 from sim_node.numerics.jit import compiled
 from snca_ros.cell.architecture import Architecture
 from snca_ros.cell.cell_lanes import make_cells, step_group
+from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.episode import EPISODE, Episode
 
 
@@ -69,3 +71,30 @@ def run_episodes(
         Episode(centers[: done[lane] + 1, :, lane], diverged=bool(done[lane] < n_steps))
         for lane in range(len(thetas))
     ]
+
+
+class SideBySide:
+    """Runs episodes of the candidates of a run in the batched engine, each in a lane of its own.
+
+    Args:
+        config: the run.
+    """
+
+    def __init__(self, config: RunConfig) -> None:
+        self._config = config
+        self._morphology = parse_morphology(config.shape)
+        self._terrain = parse_terrain(config.terrain)
+        self._robots: dict[int, Robots] = {}
+
+    def __call__(
+        self, thetas: np.ndarray, width: int, duration: float, push: int
+    ) -> list[Episode]:
+        """Return an episode of each of (n, n_parameters) candidates, n <= `width` lanes."""
+        config, morphology = self._config, self._morphology
+        if width not in self._robots:
+            self._robots[width] = Robots(
+                morphology, self._terrain, config.material, config.solver, width
+            )
+        return run_episodes(
+            self._robots[width], config.architecture, morphology, thetas, duration, push
+        )

@@ -2,18 +2,62 @@
 
 import functools
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Protocol
 
 import numpy as np
 
-from sim_node.batched.engine import Robots
+from sim_node.batched.engine import BatchedEngine
 from sim_node.control_time import CONTROL_RATE
+from sim_node.engine import Engine, load_engine
 from sim_node.numerics.jit import warm_up
 from snca_ros.controller import Controller
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.episode import Episode, run_episode
-from snca_ros.evolution.episode_lanes import run_episodes
+from snca_ros.evolution.episode_lanes import SideBySide
 from snca_ros.evolution.workers import Workers
+
+
+class GroupRunner(Protocol):
+    """Runs episodes of several candidates of a run."""
+
+    def __call__(
+        self, thetas: np.ndarray, width: int, duration: float, push: int
+    ) -> Iterable[Episode]:
+        """Return an episode of each of (n, n_parameters) candidates, n <= `width`.
+
+        Args:
+            thetas: the candidates.
+            width: number of robots side by side, one of the engine's `lanes`.
+            duration: of the episodes [s].
+            push: 0, or the number of a pushed start.
+        """
+
+
+class OneByOne:
+    """Runs the episodes one after the other, in any engine.
+
+    Args:
+        config: the run.
+    """
+
+    def __init__(self, config: RunConfig) -> None:
+        self._config, self._simulation = config, config.simulation()
+
+    def __call__(
+        self, thetas: np.ndarray, width: int, duration: float, push: int
+    ) -> Iterator[Episode]:
+        """Yield an episode of each of (n, n_parameters) candidates, n of any size."""
+        simulation = self._config.simulation(push) if push else self._simulation
+        for theta in thetas:
+            controller = Controller(self._config.architecture, simulation.morphology, theta)
+            yield run_episode(simulation, controller, duration)
+
+
+GROUP_RUNNERS: dict[type[Engine], Callable[[RunConfig], GroupRunner]] = {
+    BatchedEngine: SideBySide,
+}
+"""Engines whose robots can be stepped side by side; others walk `OneByOne`, with the same bits."""
 
 
 class Evaluator:
@@ -24,64 +68,30 @@ class Evaluator:
 
     def __init__(self, config: RunConfig) -> None:
         self.config = config
-        self.simulation = config.simulation()
-        self._robots: dict[int, Robots] = {}
+        engine = load_engine(config.engine)
+        self._lanes, self._run = engine.lanes, GROUP_RUNNERS.get(engine, OneByOne)(config)
         self._ready: set[int] = set()
 
     def __call__(self, thetas: np.ndarray, push: int = 0) -> list[float]:
         """Return v_x [m/s] of each of (n, n_parameters) candidates; -inf if it diverged.
 
         Args:
-            thetas: the candidates. In the batched engine n is at most `WIDTHS[-1]`; their robots
-                walk side by side.
+            thetas: the candidates. If the engine steps robots side by side, n is at most the last
+                of its `lanes`.
             push: 0, or the number of a pushed start, the same for all; see `Simulation`.
         """
-        self._compile(thetas)
-        episodes = self._episodes(thetas, self.config.duration, push)
-        return [episode.velocity(self.config.transient) for episode in episodes]
-
-    def _compile(self, thetas: np.ndarray) -> None:
-        """Make sure that of many workers on a machine only one compiles."""
-        width = self._width(len(thetas))
-        if width not in self._ready:
-            name = f'episode-{self.config.engine}-{width}'
-            warm_up(name, lambda: list(self._episodes(thetas, 2.0 / CONTROL_RATE)))
+        config, width = self.config, group_width(self._lanes, len(thetas))
+        if width not in self._ready:  # of many workers on a machine only one compiles
+            name = f'episode-{config.engine}-{width}'
+            warm_up(name, lambda: list(self._run(thetas, width, 2.0 / CONTROL_RATE, 0)))
             self._ready.add(width)
-
-    def _width(self, n: int) -> int:
-        return 1 if self.config.engine == 'pymunk' else group_width(n)
-
-    def _episodes(self, thetas: np.ndarray, duration: float, push: int = 0) -> Iterable[Episode]:
-        if self.config.engine == 'batched':
-            return self._side_by_side(thetas, duration, push)
-        return self._one_by_one(thetas, duration, push)
-
-    def _one_by_one(self, thetas: np.ndarray, duration: float, push: int) -> Iterator[Episode]:
-        simulation = self.config.simulation(push) if push else self.simulation
-        for theta in thetas:
-            controller = Controller(self.config.architecture, simulation.morphology, theta)
-            yield run_episode(simulation, controller, duration)
-
-    def _side_by_side(self, thetas: np.ndarray, duration: float, push: int) -> list[Episode]:
-        simulation, width = self.simulation, self._width(len(thetas))
-        if width not in self._robots:
-            self._robots[width] = Robots(
-                simulation.morphology, simulation.terrain, simulation.material,
-                simulation.solver, width,
-            )
-        return run_episodes(
-            self._robots[width], self.config.architecture, simulation.morphology, thetas, duration,
-            push,
-        )
+        episodes = self._run(thetas, width, config.duration, push)
+        return [episode.velocity(config.transient) for episode in episodes]
 
 
-WIDTHS = (4, 8, 16)
-"""Numbers of lanes for which the batched engine is compiled here, when it is needed."""
-
-
-def group_width(n: int) -> int:
-    """Return the least of `WIDTHS` that holds `n` robots, or the largest."""
-    return next((width for width in WIDTHS if width >= n), WIDTHS[-1])
+def group_width(lanes: Sequence[int], n: int) -> int:
+    """Return the least of an engine's `lanes` that holds `n` robots, or the largest."""
+    return next((width for width in lanes if width >= n), lanes[-1])
 
 
 def evaluate(
@@ -91,7 +101,8 @@ def evaluate(
 
     It does not depend on the workers or their number. With a `push` it is that of another start.
     """
-    size = 1 if config.engine == 'pymunk' else group_width(-(-len(candidates) // workers.count()))
+    lanes = load_engine(config.engine).lanes
+    size = group_width(lanes, -(-len(candidates) // workers.count()))
     groups = [candidates[i : i + size] for i in range(0, len(candidates), size)]
     futures = [workers.executor.submit(score, config, group, push) for group in groups]
     for future in futures:
@@ -99,7 +110,7 @@ def evaluate(
 
 
 def score(config: RunConfig, thetas: np.ndarray, push: int = 0) -> list[float]:
-    """Return the fitness of each of up to `WIDTHS[-1]` candidates; see `Evaluator`."""
+    """Return the fitness of each of a group of candidates; see `Evaluator`."""
     return _evaluator(config, threading.get_ident())(thetas, push)
 
 

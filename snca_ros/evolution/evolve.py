@@ -1,38 +1,19 @@
-"""The offline evolution script: trains the parameters that the voxel nodes load."""
+"""Offline evolution: trains the parameters that the voxel nodes load."""
 
-import argparse
 import math
-import signal
-import sys
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
+from sim_node.engine import check_engine
 from sim_node.errors import InvalidInput
-from sim_node.model.morphology import SHAPES
-from sim_node.model.physics import DEFAULT_PHYSICS, PHYSICS
-from sim_node.model.solver import ENGINES, check_engine
-from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS
 from snca_ros.evolution.checkpoint import Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evaluator import evaluate
-from snca_ros.evolution.strategies import STRATEGIES, Strategy
-from snca_ros.evolution.workers import Workers, add_worker_arguments, open_workers
-from snca_ros.progress import StatusLine, TimeLeft, bars
-
-INTERRUPTED = 130
-
-EXAMPLES = """
-  snca evolve --shape tripod --engine batched --evaluations 3000 --run runs/tripod
-  snca evolve --resume runs/tripod                  # go on after Ctrl-C or kill -9
-  snca evolve --shape 1111-1001 --architecture nU-D --neuron-model mlp --seed 3
-  snca evolve --terrain hilly-1-10-0 --strategy cma --workers 4
-"""
-
-_TEXT_WIDTH, _SHORTEST_BAR, _LONGEST_BAR = 71, 8, 40  # of the progress line [characters]
+from snca_ros.evolution.strategies import Strategy
+from snca_ros.evolution.workers import Workers
 
 
 def evolve(
@@ -107,135 +88,4 @@ def _history_row(
         float(np.median(fitness)),
         float(fitness.min()),
         float(strategy.fitness[0]),
-    )
-
-
-class ProgressLine:
-    """Tells how far a run is; on a terminal with a bar that is the best v_x so far, drawn."""
-
-    def __init__(self, total: int, done: int) -> None:
-        self._line = StatusLine()
-        self._left = TimeLeft(total, done)
-
-    def __call__(self, progress: Progress) -> None:
-        """Show `progress` if it is time to."""
-        done, total = progress.evaluations, self._left.total
-        _, _, best, median, worst, best_so_far = progress.history[-1]
-        text = (
-            f'{self._left.told(done)}  best {best_so_far:.2f}  median {median:.2f} '
-            f'({worst:.2f}…{best:.2f}) m/s'
-        )
-        bar = self._bar(progress)
-        head = f'{bar}  {100 * done // total} %' if bar else f'{done}/{total} evaluations'
-        self._line.show(f'{head}  {text}', last=done >= total)
-
-    def _bar(self, progress: Progress) -> str:
-        """Return the best v_x so far over the evaluations, up to now; '' where it has no room."""
-        width = min(self._line.width - _TEXT_WIDTH, _LONGEST_BAR)
-        if width < _SHORTEST_BAR:
-            return ''
-        so_far = np.array([row[-1] for row in progress.history])
-        full = math.ceil(width * progress.evaluations / self._left.total)
-        return f'{bars(so_far, full)[0]:·<{width}}'
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command line of `evolve`."""
-    new = parser.add_argument_group('the run')
-    new.add_argument('--shape', help=f'{", ".join(SHAPES)} with a size, or a grid 1111-1001')
-    new.add_argument('--architecture', help=f'{", ".join(ARCHITECTURES)} (default U-nD)')
-    new.add_argument('--neuron-model', help=f'{", ".join(NEURON_MODELS)} (default snn-h)')
-    new.add_argument('--n-c', type=int, help='message channels per side (default 4 nD, 1 D)')
-    new.add_argument('--hidden', help='hidden layer sizes, as 20 or 16,8, or 0 for none')
-    new.add_argument('--as-printed', action='store_true', default=None,
-                     help="the paper's printed equations where the authors' code differs")
-    new.add_argument('--terrain', help='flat, hilly-h-w-seed, steppy-h-w-seed, uphill-a, ...')
-    new.add_argument('--evaluations', type=int, help='episodes to spend (default 30000)')
-    new.add_argument('--seed', type=int, help='of all random numbers (default 0)')
-    new.add_argument('--strategy', help=f'{", ".join(STRATEGIES)} (default es, the paper\'s)')
-    new.add_argument('--population', type=int, help='individuals per generation (default 36)')
-    new.add_argument('--sigma', type=float, help='spread of the children (default 0.35)')
-    new.add_argument('--engine', help=f'{", ".join(ENGINES)}: what scores (default pymunk)')
-    new.add_argument('--physics', help=f'{", ".join(PHYSICS)} (default {DEFAULT_PHYSICS})')
-    new.add_argument('--duration', type=float, help='seconds of an episode (default 30)')
-    new.add_argument('--transient', type=float, help='seconds not scored (default 5)')
-    parser.add_argument('--run', type=Path, help='run folder (default runs/<what it is>)')
-    parser.add_argument('--resume', type=Path, metavar='RUN', help='go on with a stopped run')
-    add_worker_arguments(parser)
-
-
-_OF_THE_CELL = ('n_c', 'hidden', 'as_printed')
-_OF_THE_RUN = (
-    'terrain', 'evaluations', 'seed', 'population', 'sigma', 'duration', 'transient', 'engine',
-    'strategy',
-)
-_OF_THE_SOLVER = ('physics',)
-
-
-def _given(args: argparse.Namespace, names: tuple[str, ...]) -> dict:
-    return {name: getattr(args, name) for name in names if getattr(args, name) is not None}
-
-
-def _new_config(args: argparse.Namespace) -> RunConfig:
-    named = ('shape', 'architecture', 'neuron_model')
-    given = _given(args, (*named, *_OF_THE_CELL, *_OF_THE_RUN, *_OF_THE_SOLVER))
-    if 'hidden' in given:
-        given['hidden'] = _hidden_layers(given['hidden'])
-    return RunConfig.named(**given)
-
-
-def _hidden_layers(text: str) -> tuple:
-    sizes = tuple(int(s) if s.isascii() and s.isdigit() else s for s in text.split(','))
-    return () if sizes == (0,) else sizes
-
-
-def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
-    """Evolve as the command line says; return the exit code."""
-    opened = open_workers(args, parser)
-    if args.resume:
-        options = ('shape', 'architecture', 'neuron_model', *_OF_THE_CELL, *_OF_THE_RUN,
-                   *_OF_THE_SOLVER, 'run')
-        extra = _given(args, options)
-        if extra:
-            option = next(iter(extra)).replace('_', '-')
-            parser.error(f'--resume goes on with the run as it is; drop --{option}')
-        folder = RunFolder.resume(args.resume)
-    else:
-        config = _new_config(args)
-        config.new_strategy()  # refuses one that is not installed before there is a folder
-        folder = RunFolder.create(args.run or Path('runs') / config.name, config)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    print(f'{folder.path}: {_described(folder.config)}', file=sys.stderr)
-    try:
-        done = folder.load().evaluations
-        line = ProgressLine(folder.config.evaluations, done)
-        with opened as workers:
-            progress = evolve(folder, workers, line)
-    except KeyboardInterrupt:
-        print(f'\nstopped; go on with: snca evolve --resume {folder.path}', file=sys.stderr)
-        return INTERRUPTED
-    except BrokenExecutor:
-        print(
-            f'\na worker process ended unexpectedly (out of memory?); the run is intact up to '
-            f'the last generation, go on with: snca evolve --resume {folder.path}',
-            file=sys.stderr,
-        )
-        return 1
-    finally:
-        folder.close()
-    _, chosen_by, v_x = progress.chosen(folder.config)
-    scores = ', '.join(f'{v:.4f} m/s in {engine}' for engine, v in v_x.items())
-    print(
-        f'{folder.path / "best.npz"}: v_x {scores}, one episode each '
-        f'(chosen by {chosen_by}), {progress.evaluations} evaluations'
-    )
-    return 0
-
-
-def _described(config: RunConfig) -> str:
-    cell = config.architecture
-    return (
-        f'{config.shape} on {config.terrain}, {cell.name} {cell.neuron_model}'
-        f'{" as printed" if cell.as_printed else ""}, layers {cell.layer_sizes}, '
-        f'{config.n_parameters} parameters, seed {config.seed}, {config.engine} engine'
     )

@@ -1,6 +1,5 @@
 """Where work is done: `concurrent.futures` executors of this process, this machine, a cluster."""
 
-import argparse
 import contextlib
 import multiprocessing
 import multiprocessing.connection
@@ -10,7 +9,6 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from concurrent.futures import CancelledError as FutureCancelled
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,23 +23,6 @@ class Workers:
 
     executor: Executor
     count: Callable[[], int]
-
-
-def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options that `open_workers` needs."""
-    parser.add_argument('--workers', type=int, default=os.cpu_count() or 1,
-                        help='processes that evaluate (default: all cores)')
-    parser.add_argument('--scheduler', metavar='ADDRESS',
-                        help='use the workers of this Dask scheduler, as tcp://HOST:8786')
-
-
-def open_workers(
-    args: argparse.Namespace, parser: argparse.ArgumentParser
-) -> AbstractContextManager[Workers]:
-    """Return the workers that the command line asks for; a context manager."""
-    if args.workers < 1:
-        parser.error(f'--workers: got {args.workers}, expected at least 1')
-    return cluster_workers(args.scheduler) if args.scheduler else local_workers(args.workers)
 
 
 class _InProcess(Executor):

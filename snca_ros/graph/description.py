@@ -11,9 +11,9 @@ from typing import Any
 
 import yaml
 
+from sim_node.engine import DEFAULT_ENGINE
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import DIRECTIONS, Morphology
-from sim_node.model.solver import ENGINES
 from snca_ros.controller_file import TrainedController
 from snca_ros.faults import NO_FAULTS, Faults
 
@@ -177,7 +177,7 @@ def _simulation_parameters(
     return {
         'morphology': trained.morphology.grid_string,
         'terrain': options.terrain or trained.terrain,
-        'engine': options.engine or ENGINES[0],
+        'engine': options.engine or DEFAULT_ENGINE,
         'duration': float(options.duration),
         'real_time_factor': float(options.real_time_factor),
         'recorders': 1 if options.bag else 0,

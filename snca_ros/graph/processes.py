@@ -15,9 +15,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from snca_ros.cli import main
 from snca_ros.graph.child_process import PARENT, name_process
 from snca_ros.graph.description import Graph, NodeProcess
+from snca_ros.graph.executables import run_node
 
 _LOOK_PERIOD = 0.01  # seconds between looks at whether a fork has ended
 _PATIENCE = 10.0  # seconds for a process to end by itself before it is killed
@@ -84,7 +84,7 @@ def _become_node(arguments: list[str], environment: dict[str, str], title: str) 
     os.environ.update(environment)
     name_process(title)
     sys.argv = [sys.argv[0], *arguments]
-    return main(arguments)
+    return run_node(arguments[0], arguments[1:])
 
 
 def _can_fork() -> bool:

@@ -1,20 +1,10 @@
-"""(ROS) The `policy` command: who of a robot may say and hear what, as SROS 2 reads it."""
+"""(ROS) Who of a robot may say and hear what, as SROS 2 reads it."""
 
-import argparse
-import sys
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
 from sim_node.ros.topics import ACTUATION_TOPIC, SENSORS_TOPIC
-from snca_ros.bundled import find_controller
-from snca_ros.controller_file import load_controller
-from snca_ros.graph.description import Graph, WalkOptions, describe_graph
-from snca_ros.nodes.cell_messages import topic_name
-
-EXAMPLES = """
-  snca policy biped-U-nD-snn-h > policy.xml
-  snca policy runs/tripod/best.npz --robot alice --voxels-per-process 4 > policy.xml
-"""
+from snca_ros.graph.description import Graph
 
 _POLICY_VERSION = '0.2.0'
 _SIMULATION_TOPICS = ('/clock', 'odometry', 'markers')
@@ -92,21 +82,3 @@ def _allow(profile: ET.Element, kind: str, verb: str, names: tuple[str, ...]) ->
         group = ET.SubElement(profile, f'{kind}s', {verb: 'ALLOW'})
         for name in names:
             ET.SubElement(group, kind).text = name
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command line of `policy`."""
-    parser.add_argument('controller', help='controller file, or the name of one in the box')
-    parser.add_argument('--robot', default='', help='namespace (default: the shape)')
-    parser.add_argument('--voxels-per-process', type=int, default=1, metavar='K',
-                        help='of the walk; a process has one enclave (default 1)')
-
-
-def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
-    """Print the policy; return the exit code."""
-    path = find_controller(args.controller)
-    trained = load_controller(path)
-    options = WalkOptions(args.robot, voxels_per_process=args.voxels_per_process, bag='any')
-    graph = describe_graph(path, trained, options)
-    sys.stdout.write(policy_xml(graph, topic_name(trained.architecture)) + '\n')
-    return 0

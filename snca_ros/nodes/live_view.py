@@ -5,31 +5,23 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Image, JointState
 from visualization_msgs.msg import MarkerArray
 
 from sim_node.control_time import step_of_stamp
-from sim_node.model.terrain import parse_terrain
 from sim_node.ros import topics
 from sim_node.ros.node_base import RosNode
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.controller_file import TrainedController
-from snca_ros.graph.description import NodeProcess
-from snca_ros.graph.processes import RunningGraph
 from snca_ros.nodes.cell_messages import CellMessages, topic_name
 from snca_ros.recording.gait import area_ratios
-from snca_ros.web.page import live_page
-from snca_ros.web.server import PageServer
 
-_PERIOD = 1.0 / 30.0  # seconds of wall time between frames
+PERIOD = 1.0 / 30.0
+"""Seconds of wall time between frames."""
+
 _DIGITS = 4  # of the numbers sent
-
-
-LOSS = 0.5
-"""Share of the messages that a voxel with noise does not hear: the fault `loss`."""
 
 
 class ViewNode(RosNode):
@@ -71,19 +63,27 @@ class ViewNode(RosNode):
             'area': [None] * len(voxels), 'touch': [None] * len(voxels),
             'actuation': [None] * len(voxels), 'health': {},
         }
+        self._killed: set[str] = set()
         self.create_subscription(DiagnosticArray, '/diagnostics', self._note_health, 100)
-        self.create_timer(_PERIOD, self._look)
+        self.create_timer(PERIOD, self._look)
 
     def _note_health(self, message: DiagnosticArray) -> None:
         prefix = self.get_namespace() + '/'
         for status in message.status:
-            if status.name.startswith(prefix):
+            node = status.name.removeprefix(prefix)
+            if status.name.startswith(prefix) and node not in self._killed:
                 words = int.from_bytes(status.level, 'little'), status.message
-                self._frame['health'][status.name.removeprefix(prefix)] = words
+                self._frame['health'][node] = words
 
-    def say(self, node: str, words: str) -> None:
-        """Tell of a node that cannot speak for itself; until it does."""
-        self._frame['health'][node] = 2, words
+    def note_killed(self, node: str) -> None:
+        """Note that a node was killed: what it has said before, and comes now, is not shown."""
+        self._killed.add(node)
+        self._frame['health'][node] = 2, 'killed'
+
+    def note_started(self, node: str) -> None:
+        """Note that a node was started again: it is starting until it says more."""
+        self._killed.discard(node)
+        self._frame['health'][node] = 2, 'starting'
 
     def _look(self) -> None:
         """Tell what has come since the last look."""
@@ -134,53 +134,3 @@ class ViewNode(RosNode):
         if not self._spiking:
             return [step, i, rows.ravel().tolist()]
         return [step, i, (rows @ (1 << np.arange(SNN_STEPS))).astype(int).tolist()]
-
-
-class LiveView:
-    """The live page of a running graph: it tells how the robot is and obeys its page.
-
-    Args:
-        port: of the page; 0 for a free one.
-        trained: the controller.
-        terrain: its name.
-        running: the graph.
-
-    Raises:
-        InvalidInput: the port cannot be had.
-    """
-
-    def __init__(
-        self, port: int, trained: TrainedController, terrain: str, running: RunningGraph
-    ) -> None:
-        robot, self._running = running.graph.robot, running
-        page = live_page(trained, parse_terrain(terrain), f'{robot} on {terrain}')
-        self._server = PageServer(port, page)
-        self._node = ViewNode(robot, trained, self._server.tell)
-        self._processes = {name: p for p in running.graph.voxels for name in p.names}
-        self.address = self._server.address
-
-    def spin_once(self) -> None:
-        """Do what is due, within a frame's time."""
-        rclpy.spin_once(self._node, timeout_sec=_PERIOD)
-        while not self._server.commands.empty():
-            command = self._server.commands.get()
-            process = self._processes.get(str(command.get('voxel')))
-            if process is not None:
-                self._obey(str(command.get('action')), process)
-
-    def _obey(self, action: str, process: NodeProcess) -> None:
-        """Kill, revive or disturb the process of a voxel, and of those that share it."""
-        if action not in ('kill', 'revive', 'noise'):
-            return
-        if action in ('kill', 'noise'):
-            self._running.kill(process)
-        if action in ('revive', 'noise') and self._running.exit_code(process) is not None:
-            disturbed = {'loss': LOSS} if action == 'noise' else {}
-            self._running.start_again(process, **disturbed)
-        for name in process.names:
-            self._node.say(name, {'kill': 'killed'}.get(action, 'starting'))
-
-    def close(self) -> None:
-        """Close the page's connections and the port."""
-        self._node.destroy_node()
-        self._server.close()

@@ -1,11 +1,14 @@
-"""What one voxel takes from the controller file: its cell, its faults, and the physics."""
+"""What one voxel is given: names, and from the controller file its cell, faults and physics."""
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from sim_node.errors import InvalidInput
+from sim_node.model.morphology import DIRECTIONS
 from sim_node.model.sensors import N_SENSORS
 from sim_node.numerics.jit import warm_up
 from snca_ros.cell.architecture import Architecture
@@ -13,6 +16,8 @@ from snca_ros.cell.cells import Cells
 from snca_ros.controller import weights_of
 from snca_ros.controller_file import load_controller
 from snca_ros.faults import CellFaults, Faults, VoxelFaults
+
+_VOXEL_NAME = re.compile(r'voxel_\d+_\d+')
 
 
 @dataclass(frozen=True)
@@ -30,6 +35,22 @@ class OwnPart:
     cells: Cells
     faults: VoxelFaults
     physics: str
+
+
+def check_names(voxel: str, neighbors: Sequence[str], where: str) -> None:
+    """Check the names of a voxel and of its neighbours.
+
+    Args:
+        voxel: its name.
+        neighbors: by direction; empty where there is none.
+        where: the source of the names, for the error.
+
+    Raises:
+        InvalidInput: a name is not voxel_<x>_<y>.
+    """
+    for field, value in (('voxel', voxel), *zip(DIRECTIONS, neighbors, strict=True)):
+        if not _VOXEL_NAME.fullmatch(value) and (value or field == 'voxel'):
+            raise InvalidInput(field, value, 'voxel_<x>_<y>', where)
 
 
 def load_own_part(path: str, voxel: str, faults: dict[str, Any], where: str) -> OwnPart:

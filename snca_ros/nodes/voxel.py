@@ -7,7 +7,6 @@ not come is silence. When the simulation starts anew or is reset, so does the vo
 """
 
 import argparse
-import re
 import sys
 import time
 from collections import deque
@@ -28,7 +27,7 @@ from snca_ros.nodes.cell_messages import CellMessages, topic_name
 from snca_ros.nodes.duplicate import Double
 from snca_ros.nodes.inbox import Pending
 from snca_ros.nodes.mismatch import Mismatch
-from snca_ros.nodes.own_part import load_own_part
+from snca_ros.nodes.own_part import check_names, load_own_part
 
 _JOIN_PAUSE = 0.05  # seconds without news after which a joining voxel has heard the newest
 _JOIN_LIMIT = 0.2  # seconds after the first news; in real time there is no pause
@@ -38,7 +37,6 @@ _LOOK_PERIOD = 0.001  # seconds between looks for a neighbour's message that is 
 _LOOK_SELDOM = 0.05  # and at last: the neighbour may be dead
 _QUIET = 15  # steps without a message after which diagnostics name a neighbour
 _SIMULATION_PERIOD = 0.2  # seconds between looks at whether there is a simulation
-_VOXEL_NAME = re.compile(r'voxel_\d+_\d+')
 
 
 class VoxelNode(RosNode):
@@ -65,9 +63,7 @@ class VoxelNode(RosNode):
             self.create_timer(_SIMULATION_PERIOD, self._end_with_simulation)
         faults = {name: p(name, *spec) for name, spec in FAULTS_OF_CELLS.items()}
         self.check_unknown_parameters()
-        for field, value in (('voxel', self._voxel), *zip(DIRECTIONS, names, strict=True)):
-            if not _VOXEL_NAME.fullmatch(value) and (value or field == 'voxel'):
-                raise InvalidInput(field, value, 'voxel_<x>_<y>', self.where())
+        check_names(self._voxel, names, self.where())
         self._neighbors = {d: n for d, n in enumerate(names) if n}
         part = load_own_part(path, self._voxel, faults, self.where())
         self._architecture, self._cells, self._faults = part.architecture, part.cells, part.faults

@@ -1,17 +1,12 @@
-"""Pictures: of a recorded walk, panel by panel, of scores and of histories."""
+"""Pictures of a recorded walk, panel by panel."""
 
-from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from sim_node.control_time import CONTROL_RATE
-from sim_node.errors import InvalidInput
-from snca_ros.files import check_writable, write_atomically
 from snca_ros.recording.bag import Recording
 from snca_ros.recording.gait import area_ratios, spike_times
 
@@ -20,83 +15,6 @@ WINDOW = 4.0
 
 _BLUE, _GREY = '#0072B2', '0.55'
 _AREA_RANGE = 0.25
-
-
-def check_figure(path: Path) -> str:
-    """Return the format that the suffix of `path` names.
-
-    Raises:
-        InvalidInput: it names none, or `path` cannot be written.
-    """
-    kinds, kind = FigureCanvasBase.get_supported_filetypes(), path.suffix[1:].lower()
-    if kind not in kinds:
-        raise InvalidInput('figure', str(path), f'a name that ends in .{", .".join(kinds)}')
-    check_writable('figure', path)
-    return kind
-
-
-def write_figure(figure: Figure, path: Path) -> None:
-    """Write `figure` to `path`, atomically; its suffix tells the format.
-
-    Raises:
-        InvalidInput: `path` has an unknown suffix or cannot be written.
-    """
-    kind = check_figure(path)
-    try:
-        write_atomically(path, lambda file: figure.savefig(file, format=kind, dpi=120))
-    except OSError as error:
-        raise InvalidInput('figure', f'{path}: {error.strerror}', 'a place to write') from None
-
-
-def draw_scores(
-    controllers: Sequence[str], terrains: Sequence[str], scores: np.ndarray
-) -> Figure:
-    """Return a figure of v_x per terrain: large dots exact starts, small ones pushed starts.
-
-    Args:
-        controllers, terrains: their names.
-        scores: (n_controllers, n_terrains, 1 + n_pushed) v_x [m/s].
-    """
-    n = len(controllers)
-    figure = Figure(figsize=(7.0, 1.6 + len(terrains) * (0.2 + 0.1 * n)), layout='constrained')
-    axes = figure.subplots()
-    for i, (name, of_one) in enumerate(zip(controllers, scores, strict=True)):
-        rows = np.arange(len(terrains)) + 0.6 * ((i + 0.5) / n - 0.5)
-        color = f'C{i % 10}'
-        for pushed in of_one.T[1:]:
-            axes.plot(pushed, rows, '.', color=color, markersize=4, alpha=0.4)
-        label = f'{name}: mean {of_one[:, 0].mean():.3f} m/s'
-        axes.plot(of_one[:, 0], rows, 'o', color=color, markersize=6, label=label)
-    axes.set_yticks(range(len(terrains)), terrains, fontsize=8)
-    axes.invert_yaxis()
-    axes.grid(axis='x', linewidth=0.5)
-    axes.set_xlabel('v_x [m/s]')
-    figure.legend(loc='outside upper left', fontsize=8)
-    return figure
-
-
-def draw_histories(names: Sequence[str], tables: Sequence[np.ndarray]) -> Figure:
-    """Return a figure of runs: best v_x so far, and median and range of each generation.
-
-    Args:
-        names: of the runs.
-        tables: (n_generations, 6) of each, the columns of history.csv.
-    """
-    figure = Figure(figsize=(7.0, 4.0 + 0.15 * len(names)), layout='constrained')
-    axes = figure.subplots()
-    for i, (name, table) in enumerate(zip(names, tables, strict=True)):
-        _, evaluations, best, median, worst, best_so_far = np.where(
-            np.isfinite(table), table, np.nan
-        ).T
-        color = f'C{i % 10}'
-        axes.fill_between(evaluations, worst, best, color=color, alpha=0.12, linewidth=0)
-        axes.plot(evaluations, median, color=color, linewidth=0.8)
-        axes.step(evaluations, best_so_far, where='post', color=color, linewidth=1.8, label=name)
-    axes.set(xlabel='evaluations', ylabel='v_x [m/s]')
-    axes.set_title('best so far (bold), median and range of a generation', loc='left', fontsize=9)
-    axes.grid(linewidth=0.4, alpha=0.5)
-    figure.legend(loc='outside upper left', fontsize=8)
-    return figure
 
 
 def draw_recording(recording: Recording) -> Figure:

@@ -1,72 +1,21 @@
-"""The `report` command: what a bag tells about a walk, as text, figure and JSON."""
+"""What a bag tells about a walk, as lines of text and ready for JSON."""
 
-import argparse
-import json
 import math
-from pathlib import Path
 
 import numpy as np
 
 from sim_node.control_time import CONTROL_RATE
-from sim_node.errors import InvalidInput
 from snca_ros.evolution.episode import TRANSIENT
-from snca_ros.files import check_writable, write_text
-from snca_ros.recording.bag import Recording, TopicCount, read_bag
+from snca_ros.recording.bag import Recording, TopicCount
 from snca_ros.recording.diagnostics import OUTCOMES
-from snca_ros.recording.gait import Gait, measure_gait
-
-EXAMPLES = """
-  snca report bags/mine
-  snca report bags/mine --json walk.json --figure walk.svg
-  snca report bags/mine --html                      # a page that plays the walk
-  snca report bags/mine --episode 0                 # of a bag with resets
-"""
+from snca_ros.recording.gait import Gait
 
 _SHOWN_STEPS = 5
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command line of `report`."""
-    parser.add_argument('bag', type=Path, metavar='BAG', help='rosbag2 folder, MCAP or sqlite3')
-    parser.add_argument('--figure', type=Path, metavar='FILE',
-                        help='picture to draw, .png, .svg or .pdf (default BAG/report.png)')
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the numbers here too')
-    parser.add_argument('--html', type=Path, nargs='?', const=True, metavar='FILE',
-                        help='page that plays the walk (default BAG/replay.html)')
-    parser.add_argument('--controller', metavar='CONTROLLER',
-                        help='that walked in the bag: adds thresholds to the page')
-    parser.add_argument('--episode', type=int, default=-1, metavar='N',
-                        help='of a bag with resets, from 0 (default: the last)')
-
-
-def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
-    """Report as the command line says; return the exit code."""
-    # matplotlib loads slowly
-    from snca_ros.recording.figures import check_figure, draw_recording, write_figure
-
-    if args.figure:
-        check_figure(args.figure)
-    if args.json:
-        check_writable('json', args.json)
-    recording = read_bag(args.bag, args.episode)
-    gait = measure_gait(recording)
-    lines = [*_gait_lines(recording, gait), '', *_count_lines(recording), *_link_lines(recording)]
-    print('\n'.join(lines), flush=True)
-    if args.json:
-        try:
-            write_text(args.json, json.dumps(as_dict(recording, gait), indent=2) + '\n')
-        except OSError as error:
-            shown = f'{args.json}: {error.strerror}'
-            raise InvalidInput('json', shown, 'a file that can be written') from None
-    figure = args.figure or args.bag / 'report.png'
-    write_figure(draw_recording(recording), figure)
-    print(f'\nfigure: {figure}')
-    if args.html:
-        from snca_ros.web.replay import write_bag_page
-
-        page = args.bag / 'replay.html' if args.html is True else args.html
-        write_bag_page(recording, page, args.controller)
-    return 0
+def report_lines(recording: Recording, gait: Gait) -> list[str]:
+    """Return everything that a report tells as lines of text."""
+    return [*_gait_lines(recording, gait), '', *_count_lines(recording), *_link_lines(recording)]
 
 
 def as_dict(recording: Recording, gait: Gait) -> dict[str, object]:

@@ -36,7 +36,7 @@ class Film:
     terrain: Terrain
 
 
-def shoot(trained: TrainedController, terrain: str, moments: np.ndarray) -> Film:
+def film_offline(trained: TrainedController, terrain: str, moments: np.ndarray) -> Film:
     """Let the robot walk and keep what it looks like at `moments` [s], which increase.
 
     Raises:
@@ -44,10 +44,10 @@ def shoot(trained: TrainedController, terrain: str, moments: np.ndarray) -> Film
     """
     # One step more than is shown: readings are those that a step begins with.
     recording, _ = record_offline(trained, Path(), moments[-1] + 1 / CONTROL_RATE, terrain)
-    return film_of(recording, moments)
+    return film_recording(recording, moments)
 
 
-def read_film(path: Path, moments: np.ndarray) -> Film:
+def film_bag(path: Path, moments: np.ndarray) -> Film:
     """Return what the robot of a bag looked like at `moments` [s] of its last episode.
 
     Args:
@@ -58,12 +58,12 @@ def read_film(path: Path, moments: np.ndarray) -> Film:
         InvalidInput: there is no bag, it has no markers of a robot, or ends before all moments.
     """
     try:
-        return film_of(read_bag(path), moments)
+        return film_recording(read_bag(path), moments)
     except InvalidInput as error:
         raise error.found_in(str(path)) from None
 
 
-def film_of(recording: Recording, moments: np.ndarray) -> Film:
+def film_recording(recording: Recording, moments: np.ndarray) -> Film:
     """Return what the robot of a recording looked like at `moments` [s], which increase.
 
     A pose is shown until the next comes, in a bag a 30th of a second later. A film ends with its

@@ -55,7 +55,7 @@ class Packed:
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """What the page is told of a walk.
+    """What the page shows of a walk.
 
     Attributes:
         stride: control steps from frame to frame.
@@ -70,7 +70,7 @@ class Frames:
     arrays: dict[str, Packed]
     ground: np.ndarray
 
-    def described(self) -> list[dict[str, object]]:
+    def describe(self) -> list[dict[str, object]]:
         """Return what each array is, ready for JSON, in the order of the bytes."""
         return [
             {
@@ -80,7 +80,7 @@ class Frames:
             for name, packed in self.arrays.items()
         ]
 
-    def encoded(self) -> str:
+    def encode(self) -> str:
         """Return all arrays, little-endian one behind the other, as base64 of zlib's deflate."""
         little = (p.raw.astype(p.raw.dtype.newbyteorder('<')) for p in self.arrays.values())
         return base64.b64encode(zlib.compress(b''.join(a.tobytes() for a in little))).decode()
@@ -119,7 +119,7 @@ def make_frames(recording: Recording, thresholds: np.ndarray | None = None) -> F
 
 
 def _shapes(poses: Poses, centers: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Return (n_frames, n_voxels, 8) corners about the centre, of the newest pose told."""
+    """Return (n_frames, n_voxels, 8) corners about the centre, of the newest pose."""
     shapes = poses.corners - centers[poses.steps][:, None, None]
     newest = np.maximum(np.searchsorted(poses.steps, at, side='right') - 1, 0)
     return shapes[newest].reshape(len(at), -1, 8)

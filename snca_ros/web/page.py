@@ -59,10 +59,10 @@ def walk_page(
         'rate': CONTROL_RATE, 'stride': frames.stride, 'steps': recording.n_steps,
         'voxels': recording.voxel_names, 'ground': frames.ground.T.tolist(), 'spiking': spiking,
         'channelCount': 0 if messages is None else messages.shape[2],
-        'directional': bool(directional), 'arrays': frames.described(), 'history': history,
+        'directional': bool(directional), 'arrays': frames.describe(), 'history': history,
     }
     return _filled(
-        title, header, [*facts, _gait(recording)], _notes(recording, frames), frames.encoded()
+        title, header, [*facts, _gait(recording)], _notes(recording, frames), frames.encode()
     )
 
 

@@ -1,123 +1,84 @@
-"""The `replay` command: a page that plays the walk of a controller, a run's best, or a bag."""
+"""Pages that play the walk of a controller, a run's best, or a bag."""
 
-import argparse
 import math
-import sys
 from pathlib import Path
 
-from sim_node.control_time import CONTROL_RATE
-from sim_node.errors import InvalidInput
 from snca_ros.bundled import find_controller
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.checkpoint import HISTORY
 from snca_ros.evolution.history import read_history
 from snca_ros.faults import parse_faults
-from snca_ros.files import write_text
-from snca_ros.recording.bag import Recording, read_bag
+from snca_ros.recording.bag import Recording
 from snca_ros.recording.offline import record_offline, replayed_thresholds
 from snca_ros.web.page import walk_page
 
-EXAMPLES = """
-  snca replay biped-U-nD-snn-h                      # biped-U-nD-snn-h.html
-  snca replay biped-U-nD-snn-h hills.html --terrain hilly-1-10-0 --duration 60
-  snca replay runs/tripod                           # its best, with the history of the run
-  snca replay bags/mine --controller biped-U-nD-snn-h
-"""
 
-_MAX_DURATION = 3600.0
+def controller_page(
+    file: Path, duration: float, terrain: str = '', faults: str = '', run: Path | None = None
+) -> str:
+    """Return a page on which a robot walks as its controller lets it.
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command line of `replay`."""
-    parser.add_argument('source', metavar='CONTROLLER|RUN|BAG',
-                        help='controller file or name of one in the box, run folder of evolve '
-                        '(its best walks, with the history of the run), or bag')
-    parser.add_argument('out', type=Path, nargs='?', metavar='FILE',
-                        help='page to write (default replay.html in the run folder or bag; '
-                        'NAME.html for a controller)')
-    parser.add_argument('--episode', type=int, default=-1, metavar='N',
-                        help='of a bag with resets, from 0 (default: the last)')
-    parser.add_argument('--controller', metavar='CONTROLLER',
-                        help='that walked in the bag, which does not hold it: adds thresholds')
-    walk = parser.add_argument_group('the walk of a controller')
-    walk.add_argument('--duration', type=float, default=30.0, help='seconds (default 30)')
-    walk.add_argument('--terrain', default='', help='default: the one it was evolved on')
-    walk.add_argument('--faults', default='', metavar='SPEC',
-                      help='what goes wrong; see docs/robustness.md')
-
-
-def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
-    """Write the page that the command line asks for; return the exit code."""
-    source = Path(args.source)
-    is_run = (source / 'config.yaml').exists()
-    if source.is_dir() and not is_run:
-        if args.terrain or args.faults:
-            parser.error('--terrain and --faults are for walks that are no bag yet')
-        write_bag_page(
-            read_bag(source, args.episode), args.out or source / 'replay.html', args.controller
-        )
-        return 0
-    if args.controller or args.episode != -1:
-        parser.error('--controller and --episode are for bags')
-    if not 1 / CONTROL_RATE <= args.duration <= _MAX_DURATION:
-        raise InvalidInput('duration', args.duration, f'seconds from 1/60 to {_MAX_DURATION:g}')
-    file = source / 'best.npz' if is_run else find_controller(args.source)
-    trained = load_controller(file)
-    recording, thresholds = record_offline(
-        trained, file, args.duration, args.terrain, parse_faults(args.faults)
-    )
-    name = source.resolve().name if is_run else file.stem
-    with_faults = f' with {args.faults}' if args.faults else ''
-    page = walk_page(
-        recording, f'{name} on {args.terrain or trained.terrain}{with_faults}',
-        facts=[_described(trained)], thresholds=thresholds,
-        directional=trained.architecture.directional,
-        history=_history(source) if is_run else None,
-    )
-    write_page(args.out or (source / 'replay.html' if is_run else Path(f'{name}.html')), page)
-    return 0
-
-
-def write_bag_page(recording: Recording, path: Path, controller: str | None) -> None:
-    """Write the page of a recorded walk; its `controller`, a file or a name, adds thresholds.
+    Args:
+        file: of the controller.
+        duration: of the walk [s].
+        terrain: '' for the one that the controller was evolved on.
+        faults: what goes wrong, as `parse_faults` reads it.
+        run: folder of the run whose best controller it is: names the page, which shows the history.
 
     Raises:
-        InvalidInput: the bag has no markers, the controller is of another robot, or `path` cannot
-            be written.
+        InvalidInput: the controller cannot be read, the terrain or a fault is unknown, or the
+            physics diverges.
+    """
+    trained = load_controller(file)
+    recording, thresholds = record_offline(
+        trained, file, duration, terrain, parse_faults(faults)
+    )
+    name = run.resolve().name if run else file.stem
+    with_faults = f' with {faults}' if faults else ''
+    return walk_page(
+        recording, f'{name} on {terrain or trained.terrain}{with_faults}',
+        facts=[_describe(trained)], thresholds=thresholds,
+        directional=trained.architecture.directional,
+        history=_history_columns(run) if run else None,
+    )
+
+
+def bag_page(recording: Recording, controller: str | None = None) -> tuple[str, str]:
+    """Return the page of a recorded walk, and what is to be said about its physics.
+
+    Args:
+        recording: of a bag with markers.
+        controller: file or name of the controller that walked: adds thresholds.
+
+    Returns:
+        HTML, and a sentence if the controller was evolved in another physics, else ''.
+
+    Raises:
+        InvalidInput: the bag has no markers, or the controller is of another robot.
     """
     facts = [
         f'Bag {recording.path}, {len(recording.voxel_names)} voxels, physics {recording.physics}'
     ]
-    thresholds, directional, differs = None, None, ''
+    thresholds, directional, warning = None, None, ''
     if controller:
         trained = load_controller(find_controller(controller))
         thresholds = replayed_thresholds(recording, trained)
         directional = trained.architecture.directional
-        facts.append(_described(trained))
+        facts.append(_describe(trained))
         if trained.solver.physics != recording.physics:
-            differs = (
+            warning = (
                 f'The controller was evolved in the physics {trained.solver.physics}, the bag was '
                 f'recorded in {recording.physics}: this is not the walk that evolution scored.'
             )
-            facts.append(differs)
-    write_page(path, walk_page(
+            facts.append(warning)
+    page = walk_page(
         recording, recording.robot, facts=facts, thresholds=thresholds, directional=directional
-    ))
-    if differs:
-        print(differs, file=sys.stderr)
+    )
+    return page, warning
 
 
-def write_page(path: Path, page: str) -> None:
-    """Write a page, atomically, and say so; InvalidInput if it cannot be written."""
-    try:
-        write_text(path, page)
-    except OSError as error:
-        raise InvalidInput('html', f'{path}: {error.strerror}', 'a file that can be written') \
-            from None
-    print(f'page: {path}, {len(page) / 1e6:.1f} MB')
-
-
-def _described(trained: TrainedController) -> str:
+def _describe(trained: TrainedController) -> str:
+    """Return what a controller is and how well it did in evolution, as a sentence."""
     cells = trained.architecture
     return (
         f'{trained.morphology.name}, {trained.morphology.n_voxels} voxels, {cells.name} '
@@ -127,7 +88,7 @@ def _described(trained: TrainedController) -> str:
     )
 
 
-def _history(run: Path) -> dict[str, list[float | None]]:
+def _history_columns(run: Path) -> dict[str, list[float | None]]:
     """Return the columns of a run's history by name; v_x that is not finite is None."""
     return {
         name: [value if math.isfinite(value) else None for value in column]

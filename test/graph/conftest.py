@@ -10,8 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.paths import ROOT
 
-from snca_ros.bundled import graph_environment
+from snca_ros.graph.environment import graph_environment
 
 # Before rclpy is imported: domains 1 to 100 are free of the kernel's ephemeral ports.
 os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
@@ -21,7 +22,6 @@ rclpy = pytest.importorskip('rclpy')
 
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
-from std_srvs.srv import SetBool  # noqa: E402
 
 from sim_node.control_time import step_of_stamp  # noqa: E402
 from sim_node.model.morphology import parse_morphology  # noqa: E402
@@ -34,12 +34,17 @@ from snca_ros.controller_file import (  # noqa: E402
     load_controller,
     save_controller,
 )
-from snca_ros.evolution.episode import run_episode  # noqa: E402
 from snca_ros.graph.child_process import PARENT  # noqa: E402
 from snca_ros.graph.description import Graph, WalkOptions, describe_graph  # noqa: E402
 
-ROOT = Path(__file__).resolve().parents[2]
 DEADLINE = 60.0
+
+
+def pytest_collection_modifyitems(items):
+    """Mark all tests of this folder; the hook is given those of others, too."""
+    for item in items:
+        if item.path.is_relative_to(Path(__file__).parent):
+            item.add_marker('graph')
 
 
 @pytest.fixture(scope='session', autouse=True)
@@ -210,44 +215,3 @@ def health(node):
 
     node.create_subscription(DiagnosticArray, '/diagnostics', note, 100)
     return found
-
-
-def offline(path, seconds):
-    trained = load_controller(path)
-    simulation = Simulation('11-10', solver=trained.solver)
-    return run_episode(simulation, trained.controller(), seconds).centers
-
-
-def call(node, spin_until, kind, name, **request):
-    client = node.create_client(kind, f'/robot/{name}')
-    spin_until(client.service_is_ready)
-    future = client.call_async(kind.Request(**request))
-    spin_until(future.done)
-    return future.result()
-
-
-def go(node, spin_until, centers):
-    """Let the simulation run, once the test listens."""
-    spin_until(lambda: 0 in centers[0])
-    assert call(node, spin_until, SetBool, 'pause', data=False).success
-
-
-def children_of(pid: int) -> list[int]:
-    """Return the pids of the living children of a process."""
-    found = []
-    for stat in Path('/proc').glob('[0-9]*/stat'):
-        try:
-            fields = stat.read_text().rpartition(')')[2].split()
-        except OSError:
-            continue
-        if int(fields[1]) == pid and fields[0] != 'Z':
-            found.append(int(stat.parent.name))
-    return found
-
-
-def is_alive(pid: int) -> bool:
-    """Tell whether a process runs; a zombie does not."""
-    try:
-        return Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[0] != 'Z'
-    except OSError:
-        return False

@@ -3,7 +3,7 @@
 import signal
 
 import numpy as np
-from conftest import go, offline
+from support.graph import go, offline
 
 
 def refused(health):

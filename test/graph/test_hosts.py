@@ -6,10 +6,12 @@ import shutil
 import subprocess
 
 import pytest
-from test_walk import TICK, wait_for
+from support.processes import TICK, wait_for
 
-from snca_ros.bundled import PROFILE_VARIABLES
+from snca_ros.graph.environment import PROFILE_VARIABLES
 from snca_ros.recording.bag import read_bag
+
+pytestmark = pytest.mark.root
 
 
 class Cable:

@@ -3,8 +3,8 @@
 import signal
 
 import numpy as np
-from conftest import call, go, offline
 from std_srvs.srv import Trigger
+from support.graph import call, go, offline
 
 
 def test_restarted_simulation_begins_afresh(walk, start_node, node, spin_until, centers, health):

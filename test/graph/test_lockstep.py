@@ -4,10 +4,10 @@ import signal
 import time
 
 import numpy as np
-from conftest import call, go, offline
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
+from support.graph import call, go, offline
 
 from sim_node.control_time import stamp_of_step
 from sim_node.ros.topics import stream_qos

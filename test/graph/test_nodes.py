@@ -4,7 +4,7 @@ import signal
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
+from support.paths import ROOT
 
 from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
 from snca_ros.controller_file import load_controller

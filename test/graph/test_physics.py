@@ -4,8 +4,8 @@ import signal
 
 import numpy as np
 import pytest
-from conftest import call, go, offline
 from std_srvs.srv import Trigger
+from support.graph import call, go, offline
 
 from sim_node.model.morphology import DIRECTIONS, parse_morphology
 from sim_node.model.physics import PHYSICS

@@ -4,8 +4,8 @@ import signal
 import time
 
 import numpy as np
-from conftest import call, go, offline
 from std_srvs.srv import SetBool, Trigger
+from support.graph import call, go, offline
 
 
 def links_of(figures):

@@ -7,9 +7,9 @@ import time
 
 import numpy as np
 import pytest
-from conftest import go, offline
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
+from support.graph import go, offline
 
 from snca_ros.controller_file import load_controller
 from snca_ros.files import RESERVE

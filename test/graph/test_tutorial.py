@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
-from test_walk import wait_for
+from support.paths import ROOT
+from support.processes import wait_for
 
 BUDGET = [  # what the test runs instead of what a person does
     ('--evaluations 3000', '--evaluations 36 --duration 2 --transient 1 --workers 1'),

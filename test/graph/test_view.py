@@ -5,7 +5,8 @@ import re
 from pathlib import Path
 
 import numpy as np
-from conftest import children_of, is_alive, offline
+from support.graph import offline
+from support.processes import children_of, is_alive
 from websockets.sync.client import connect
 
 

@@ -13,15 +13,15 @@ import sys
 import numpy as np
 import pytest
 import yaml
-from conftest import ROOT
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
+from support.paths import ROOT
 
 from snca_ros.bundled import find_controller
 from snca_ros.controller_file import load_controller
 from snca_ros.graph.child_process import PARENT
-from snca_ros.rendering.film import read_film, shoot
+from snca_ros.rendering.film import film_bag, film_offline
 
 CONFIG = ROOT / 'config'
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -166,8 +166,8 @@ def test_the_way_of_half_a_minute_is_in_view(layout, rviz, walk):
 
 def test_a_film_of_the_bag_is_the_walk_that_was_recorded(bag):
     moments = np.arange(0, 30, 2) / 60
-    film = read_film(bag, moments)
-    walked = shoot(load_controller(find_controller('biped-U-nD-snn-h')), 'flat', moments)
+    film = film_bag(bag, moments)
+    walked = film_offline(load_controller(find_controller('biped-U-nD-snn-h')), 'flat', moments)
     np.testing.assert_array_equal(film.times, walked.times)
     np.testing.assert_array_equal(film.centers, walked.centers)
     np.testing.assert_array_equal(film.corners, walked.corners)

@@ -2,29 +2,17 @@
 
 import os
 import signal
-import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import children_of, is_alive
+from support.processes import children_of, is_alive, wait_for
 
 from sim_node.model.solver import Solver
 from snca_ros.controller_file import load_controller
 from snca_ros.faults import parse_faults
 from snca_ros.recording.bag import read_bag
 from snca_ros.recording.offline import record_offline
-
-TICK = threading.Event()
-
-
-def wait_for(condition, seconds=60.0):
-    """Poll what no event tells: the state of foreign processes."""
-    for _ in range(int(seconds / 0.05)):
-        if found := condition():
-            return found
-        TICK.wait(0.05)
-    raise AssertionError('the condition never came true')
 
 
 def node_of(pid):

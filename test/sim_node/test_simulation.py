@@ -10,17 +10,16 @@ import pymunk
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.paths import ROOT
 
+from sim_node.engine import ENGINES
 from sim_node.errors import InvalidInput
 from sim_node.model.material import Material
 from sim_node.model.morphology import parse_morphology
-from sim_node.model.solver import ENGINES, Solver
+from sim_node.model.solver import Solver
 from sim_node.model.terrain import parse_terrain
 from sim_node.munk2d.pymunk_view import pymunk_view
 from sim_node.simulation import Diverged, Simulation
-
-ROOT = Path(__file__).resolve().parents[2]
-
 
 EXPLICIT = Solver(physics='first')
 """Explicit springs, which can diverge."""
@@ -43,7 +42,8 @@ def run(sim, seconds, actuation=0.0):
 
 
 def rest_lengths(sim):
-    springs = [c for c in pymunk_view(sim.space).constraints if isinstance(c, pymunk.DampedSpring)]
+    constraints = pymunk_view(sim.backend.space).constraints
+    springs = [c for c in constraints if isinstance(c, pymunk.DampedSpring)]
     return np.array([s.rest_length for s in springs])
 
 
@@ -92,7 +92,7 @@ def test_substeps_divide_the_control_step():
 def test_masses_are_read_in_the_order_of_the_body():
     sim = Simulation('comb', 'hilly-1-10-0')
     run(sim, 2.0, 0.3)
-    masses = pymunk_view(sim.space).bodies
+    masses = pymunk_view(sim.backend.space).bodies
     rows = [(*b.position, b.angle, *b.velocity) for b in masses]
     assert sim.world.masses.tolist() == [pytest.approx(row, abs=0.0) for row in rows]
     assert sim.center == pytest.approx(np.mean([b.position for b in masses], axis=0))
@@ -399,7 +399,7 @@ def test_morphology_and_terrain_may_be_given_as_objects():
 
 def test_touching_itself_is_no_touch():
     sim = Simulation('comb', material=Material(gravity=0.0), solver=Solver(self_collision=True))
-    view = pymunk_view(sim.space)
+    view = pymunk_view(sim.backend.space)
     for mass in view.bodies:
         mass.position += (50.0, 100.0)
     rng, met = np.random.default_rng(0), []

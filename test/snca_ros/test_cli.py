@@ -40,10 +40,21 @@ def test_version(capsys):
     assert capsys.readouterr().out == f'snca_ros {snca_ros.__version__}\n'
 
 
-@pytest.mark.parametrize('name', sorted({**cli.COMMANDS, **cli.NODES}))
-def test_every_command_has_a_module(name):
-    module = {**cli.COMMANDS, **cli.NODES}[name][0]
-    assert (ROOT / (module.replace('.', '/') + '.py')).is_file()
+def test_every_command_and_node_has_a_module():
+    modules = [f'snca_ros.commands.{name}' for name in cli.COMMANDS]
+    for module in [*modules, *(module for module, _ in cli.NODES.values())]:
+        assert (ROOT / (module.replace('.', '/') + '.py')).is_file()
+
+
+def test_command_lines_are_read_in_commands_alone():
+    readers = {
+        str(path.relative_to(ROOT)) for package in ('sim_node', 'snca_ros')
+        for path in (ROOT / package).rglob('*.py') if 'import argparse' in path.read_text()
+    }
+    elsewhere = {name for name in readers if not name.startswith('snca_ros/commands/')}
+    assert elsewhere == {'snca_ros/command_line.py', 'snca_ros/nodes/voxel.py'}
+    commands = {f'snca_ros/commands/{name}.py' for name in cli.COMMANDS}
+    assert readers - elsewhere == {*commands, 'snca_ros/commands/worker_options.py'}
 
 
 @pytest.mark.parametrize(
@@ -77,8 +88,7 @@ def test_unknown_command_is_one_line(name, capsys):
 
 
 def parser_of(name):
-    module, text = cli.COMMANDS[name]
-    return CommandParser(name, text, cli.load(module))
+    return CommandParser(name, cli.COMMANDS[name], cli.load_command(name))
 
 
 @pytest.mark.parametrize('name', cli.COMMANDS)

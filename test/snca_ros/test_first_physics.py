@@ -6,21 +6,21 @@ library; elsewhere Munk2D's sines may round otherwise, and the walks must still 
 
 import hashlib
 import json
-from pathlib import Path
 
 import pytest
+from support.paths import FIXTURES
 
 from sim_node.simulation import Simulation
 from snca_ros.controller_file import load_controller
 from snca_ros.evolution.episode import run_episode
 
-FIXTURES = Path(__file__).resolve().parents[1] / 'fixtures' / 'first-physics'
-DIGESTS = json.loads((FIXTURES / 'digests.json').read_text())
+FIRST_PHYSICS = FIXTURES / 'first-physics'
+DIGESTS = json.loads((FIRST_PHYSICS / 'digests.json').read_text())
 
 
 def walk(name, engine, terrain):
     """Return the SHA-256 digest of the first 4 s of a walk: centres of mass and last readings."""
-    trained = load_controller(FIXTURES / f'{name}.npz')
+    trained = load_controller(FIRST_PHYSICS / f'{name}.npz')
     assert trained.solver.physics == 'first'
     simulation = Simulation(
         trained.morphology, terrain, material=trained.material, solver=trained.solver, engine=engine

@@ -5,11 +5,12 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sim_node.engine import check_engine
 from sim_node.errors import InvalidInput, check_name, near_miss
 from sim_node.model.body_faults import parse_breakage
 from sim_node.model.material import Material
 from sim_node.model.morphology import parse_morphology
-from sim_node.model.solver import Solver, check_engine
+from sim_node.model.solver import Solver
 from sim_node.model.terrain import parse_terrain
 from snca_ros.bundled import find_controller
 from snca_ros.campaign.specification import read_campaign

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from synthetic_bag import Walk, messages_of_walk, write_messages
+from support.paths import ROOT
+from support.synthetic_bag import Walk, messages_of_walk, write_messages
 
 import snca_ros as snca
 from sim_node.model.material import Material
@@ -20,16 +21,16 @@ from sim_node.model.morphology import parse_morphology
 from sim_node.simulation import Diverged, Simulation
 from snca_ros.api.processes import worker_processes
 from snca_ros.cell.architecture import Architecture
+from snca_ros.commands.evolve import add_arguments
 from snca_ros.controller_file import TrainedController, load_controller
-from snca_ros.evolution import evolve as command
 from snca_ros.evolution.checkpoint import RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.episode import Episode, run_episode
+from snca_ros.evolution.evolve import evolve
 from snca_ros.evolution.workers import IN_PROCESS
 from snca_ros.faults import parse_faults
 from snca_ros.recording.episode import RECORDABLE
 
-ROOT = Path(__file__).resolve().parents[2]
 ENVIRONMENT = {**os.environ, 'PYTHONPATH': str(ROOT)}
 FAULTS = 'loss=0.3,delay=1,death=0.5@0.5,broken_sensors=random:0.3,broken_actuators=frozen:0.3'
 TINY = {'evaluations': 10, 'population': 4, 'duration': 0.5, 'transient': 0.1}
@@ -241,7 +242,7 @@ def test_evolve_is_the_command(tmp_path):
     run = snca.evolve('11-10', 'U-D', 'mlp', seed=2, run=tmp_path / 'a', report=seen.append, **TINY)
     config = RunConfig('11-10', Architecture.named('U-D', 'mlp'), seed=2, **TINY)
     folder = RunFolder.create(tmp_path / 'b', config)
-    progress = command.evolve(folder, IN_PROCESS)
+    progress = evolve(folder, IN_PROCESS)
     folder.close()
     assert run.config == config
     for name in ('history.csv', 'config.yaml'):
@@ -287,7 +288,7 @@ def test_a_run_has_a_folder_of_its_own(tmp_path, monkeypatch):
 
 def test_all_options_of_the_command_are_arguments():
     parser = argparse.ArgumentParser()
-    command.add_arguments(parser)
+    add_arguments(parser)
     options = {action.dest for action in parser._actions} - {'help', 'scheduler'}
     assert options <= set(inspect.signature(snca.evolve).parameters)
 

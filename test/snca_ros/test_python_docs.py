@@ -5,14 +5,13 @@ import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
-from synthetic_bag import Walk, messages_of_walk, write_messages
+from support.paths import ROOT
+from support.synthetic_bag import Walk, messages_of_walk, write_messages
 
 import snca_ros as snca
 
-ROOT = Path(__file__).resolve().parents[2]
 BUDGET = [  # what the test runs instead of what a person does
     ('evaluations=3000', 'evaluations=8, population=4, duration=1.0, transient=0.5'),
 ]

@@ -6,8 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sim_node.batched.engine import BatchedEngine
+from sim_node.engine import ENGINES
 from sim_node.errors import InvalidInput
-from sim_node.model.solver import ENGINES, Solver
+from sim_node.model.solver import Solver
 from sim_node.simulation import Simulation
 from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller
@@ -220,7 +222,8 @@ def test_pushed_starts_are_those_of_the_simulation(engine):
 
 @pytest.mark.parametrize(('n', 'width'), [(1, 4), (4, 4), (5, 8), (16, 16), (18, 16)])
 def test_group_width(n, width):
-    assert group_width(n) == width
+    assert group_width(BatchedEngine.lanes, n) == width
+    assert group_width((1,), n) == 1
 
 
 def test_unknown_engine_and_what_the_batched_one_cannot():

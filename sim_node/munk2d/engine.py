@@ -1,0 +1,229 @@
+"""One robot in pymunk: compiled code that steps its Munk2D space and reads its sensors.
+
+`World` is what compiled code needs of them. `PymunkEngine` steps it from Python; whole episodes
+that are compiled take `move_disturbed`.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sim_node.control_time import CONTROL_RATE
+from sim_node.engine import Engine
+from sim_node.model.body import build_body, pushed
+from sim_node.model.body_faults import break_values, disturb_readings
+from sim_node.model.collision import touches_ground
+from sim_node.model.ground_polygons import polygon_rows
+from sim_node.model.material import Material
+from sim_node.model.morphology import Morphology
+from sim_node.model.sensors import (
+    MAX_AREA_RATIO,
+    N_SENSORS,
+    measure,
+    normalise,
+    outer_corners,
+    polygon_area,
+    sample_windows,
+)
+from sim_node.model.solver import Solver
+from sim_node.model.terrain import Terrain
+from sim_node.munk2d import c_functions as munk
+from sim_node.munk2d.space import Space
+from sim_node.numerics.jit import compiled
+
+
+class World(NamedTuple):
+    """Everything that one control step reads and writes; arrays are shared, never copied."""
+
+    space: int  # handles are pointers of Munk2D as integers
+    bodies: np.ndarray  # (n_masses,) handles
+    springs: np.ndarray  # (n_springs,) handles
+    rest: np.ndarray  # (3, n_springs) rest lengths [m] contracted, at rest, expanded
+    actuation: np.ndarray  # (n_voxels,) as set in the springs now
+    dt: float  # physics step [s]
+    substeps: int
+    current_poses: bool  # bodies move at the end of a physics step, not at the start of the next
+    read_body: int  # addresses of the iterators that `sense` hands to Munk2D
+    note_contact: int
+    batch: int  # handle of the body reader
+    filled: np.ndarray  # (1,) its fill count
+    masses: np.ndarray  # (n_masses, 5) x, y, angle, v_x, v_y
+    contact: np.ndarray  # (4,) ground's handle, touching flag, scratch
+    half_side: float  # of a mass [m]
+    rest_area: float  # [m^2]
+    polygons: np.ndarray  # (n_polygons, 8) of the ground, see `polygon_rows`
+    left_sides: np.ndarray  # (n_polygons,) x [m], increasing
+    corners: np.ndarray  # (n_voxels, 4, 2) outer corners [m]
+    area_ratios: np.ndarray  # (n_voxels,)
+    touching: np.ndarray  # (n_voxels,) 0.0 or 1.0
+    touches: np.ndarray  # ring buffers of the sensors
+    velocities: np.ndarray
+    readings: np.ndarray  # (n_voxels, 4) in [0, 1]
+
+
+@compiled
+def set_rest_lengths(world, actuation):
+    """Contract (a > 0) or expand (a < 0) every spring of each voxel, a clipped to [-1, 1]."""
+    per_voxel = world.springs.shape[0] // actuation.shape[0]
+    for i in range(actuation.shape[0]):
+        a = min(max(actuation[i], -1.0), 1.0)
+        if a == world.actuation[i]:
+            continue
+        world.actuation[i] = a
+        extreme = 0 if a > 0.0 else 2
+        for j in range(i * per_voxel, (i + 1) * per_voxel):
+            rest = world.rest[1, j]
+            length = rest + (world.rest[extreme, j] - rest) * abs(a)
+            munk.store_real(world.springs[j] + munk.REST_LENGTH, length)
+
+
+@compiled
+def step_physics(world):
+    """Advance the physics by one physics step."""
+    munk.space_step(world.space, world.dt)
+    if world.current_poses:
+        for i in range(world.bodies.shape[0]):
+            munk.body_update_position(world.bodies[i], world.dt)
+
+
+@compiled
+def _touches(world, voxel):
+    """Tell whether one of a voxel's masses touches the ground, at the poses that were read."""
+    if world.current_poses:
+        for i in range(4 * voxel, 4 * voxel + 4):
+            if touches_ground(world.masses[i], world.half_side, world.polygons, world.left_sides):
+                return True
+        return False
+    world.contact[1] = 0
+    for i in range(4 * voxel, 4 * voxel + 4):
+        munk.body_each_arbiter(world.bodies[i], world.note_contact, world.contact.ctypes.data)
+    return world.contact[1] != 0
+
+
+@compiled
+def sense(world, step):
+    """Read the bodies and write sensor readings; return False if the physics diverged.
+
+    It has when a number is not finite or a voxel's area is a hundred times that at rest.
+    """
+    world.filled[0] = 0
+    munk.space_each_body(world.space, world.read_body, world.batch)
+    outer_corners(world.masses, world.half_side, world.corners.reshape(-1, 2))
+    for i in range(world.readings.shape[0]):
+        voxel = world.masses[4 * i : 4 * i + 4]
+        world.area_ratios[i] = polygon_area(world.corners[i]) / world.rest_area
+        world.touching[i] = 1.0 if _touches(world, i) else 0.0
+        measure(
+            voxel,
+            step,
+            world.touching[i],
+            world.area_ratios[i],
+            world.touches[i],
+            world.velocities[i],
+            world.readings[i],
+        )
+    normalise(world.readings.reshape(-1))
+    for i in range(world.area_ratios.shape[0]):
+        if not abs(world.area_ratios[i]) < MAX_AREA_RATIO:
+            return False
+    return bool(np.isfinite(world.readings.sum()))
+
+
+@compiled
+def move(world, actuation, step):
+    """Step the physics by `actuation` to control step `step`, and read the sensors.
+
+    Args:
+        actuation: (n_voxels,), clipped to [-1, 1].
+
+    Returns:
+        False if the physics diverged, else True.
+    """
+    set_rest_lengths(world, actuation)
+    for _ in range(world.substeps):
+        step_physics(world)
+    return sense(world, step)
+
+
+@compiled
+def move_disturbed(world, actuation, step, disturbance, row):
+    """Do what `move` does, as `Simulation.step` does it with a body's faults and noise.
+
+    Args:
+        actuation: written where actuators are broken.
+        disturbance: what befalls the body in this step, in its row `row`.
+    """
+    break_values(actuation, disturbance.actuators[row], world.actuation)
+    before = world.readings.copy() if disturbance.sensors.shape[1] > 0 else world.readings
+    finite = move(world, actuation, step)
+    disturb_readings(world.readings, before, disturbance, row)
+    return finite
+
+
+class PymunkEngine(Engine):
+    """The reference: one robot at a time, every scene.
+
+    Attributes:
+        world: what compiled code reads and writes; anew at each `reset`, so that the same robot on
+            the same terrain always repeats bit for bit.
+        space: ground and robot since the last `reset`; `pymunk_view` shows it.
+    """
+
+    self_collision = True
+    world: World
+    space: Space
+
+    def __init__(
+        self,
+        morphology: Morphology,
+        terrain: Terrain,
+        material: Material,
+        solver: Solver,
+        push: int = 0,
+    ) -> None:
+        self._n_voxels, self._material, self._solver = morphology.n_voxels, material, solver
+        self._body = pushed(build_body(morphology, terrain, material), push)
+        self._ground = terrain.polygons
+        self._polygons = polygon_rows(self._ground)
+
+    def reset(self) -> None:
+        """Build a space with the robot at rest, and read its sensors."""
+        self.world = self._new_world()
+        sense(self.world, 0)
+
+    def step(self, actuation: np.ndarray, step: int) -> bool:
+        """Apply (n_voxels,) `actuation` up to control step `step`; False if physics diverged."""
+        return move(self.world, actuation, step)
+
+    def _new_world(self) -> World:
+        n, m = self._n_voxels, self._material
+        space = Space(self._body, self._ground, m, self._solver)
+        reader = munk.BodyReader(len(space.bodies))
+        touches, velocities = sample_windows(n)
+        self.space, self._reader = space, reader  # keep alive what the handles point to
+        return World(
+            space=space.handle,
+            bodies=space.bodies,
+            springs=space.springs,
+            rest=self._body.rest_lengths.copy(),
+            actuation=np.zeros(n),
+            dt=1.0 / CONTROL_RATE / self._solver.substeps,
+            substeps=self._solver.substeps,
+            current_poses=self._solver.rules.current_poses,
+            read_body=munk.READ_BODY,
+            note_contact=munk.NOTE_CONTACT,
+            batch=reader.batch,
+            filled=reader.filled,
+            masses=reader.rows,
+            contact=np.array([space.ground, 0, 0, 0], dtype=np.uintp),
+            half_side=m.mass_side / 2.0,
+            rest_area=m.side**2,
+            polygons=self._polygons,
+            left_sides=np.ascontiguousarray(self._ground[:, 0, 0]),
+            corners=np.zeros((n, 4, 2)),
+            area_ratios=np.zeros(n),
+            touching=np.zeros(n),
+            touches=touches,
+            velocities=velocities,
+            readings=np.zeros((n, N_SENSORS)),
+        )

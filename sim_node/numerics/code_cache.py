@@ -1,0 +1,234 @@
+"""Where compiled code is kept between processes, and how a damaged file of it is replaced.
+
+Numba compiles a function again when its own file changes, but not when a function that it calls
+does, nor a constant that it took from another module, nor the library that it calls. So the folder
+is named by a digest of all of these; numba itself adds the processor to the key of every function.
+"""
+
+import functools
+import hashlib
+import inspect
+import os
+import pickle
+import re
+import shutil
+import stat
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
+
+_DEPENDENCIES = 'numba', 'llvmlite', 'numpy', 'pymunk'
+_NAME = re.compile(r'[0-9a-f]{16}')
+_USED, _DAY, _KEPT = 'used', 86_400.0, 30 * 86_400.0  # stamp of a folder; seconds
+_ROOT = Path(__file__).resolve().parents[2]  # of the two packages
+_SUM = hashlib.sha256().digest_size
+
+
+@functools.cache
+def folder() -> Path | None:
+    """Return the folder of compiled code for the sources and libraries as they are now.
+
+    It lies below NUMBA_CACHE_DIR or XDG_CACHE_HOME, if one is set, else below ~/.cache. Folders
+    beside it that no process has used for 30 days are removed.
+
+    Returns:
+        The folder, which exists and can be written; None if there is no such place, which is
+        reported on standard error once: then every process compiles for itself.
+    """
+    parent = _parent()
+    path = parent / _digest()
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        _check_writable(path)
+        if parent.parent == Path(tempfile.gettempdir()):
+            _check_mine(parent)
+        _touch(path / _USED)
+    except OSError as error:
+        print(
+            f'{path}: {error.strerror}: compiled code cannot be kept, so that this process '
+            'compiles for a minute; set XDG_CACHE_HOME to a folder that can be written',
+            file=sys.stderr,
+        )
+        return None
+    for old in _unused(parent):
+        shutil.rmtree(old, ignore_errors=True)
+    return path
+
+
+def _parent() -> Path:
+    """Return the folder of our folders of compiled code."""
+    for variable in ('NUMBA_CACHE_DIR', 'XDG_CACHE_HOME'):
+        if os.environ.get(variable):
+            return Path(os.environ[variable], 'snca_ros').absolute()
+    home = os.path.expanduser('~')
+    if os.path.isabs(home):
+        return Path(home, '.cache', 'snca_ros')
+    return Path(tempfile.gettempdir(), f'snca_ros-{os.getuid()}')  # no home at all
+
+
+def _digest() -> str:
+    digest = hashlib.sha256(sys.version.encode())
+    for name in _DEPENDENCIES:
+        digest.update(f'{name} {metadata.version(name)}\n'.encode())
+    for source in sources(_ROOT):
+        digest.update(source)
+    return digest.hexdigest()[:16]
+
+
+def _check_writable(path: Path) -> None:
+    with tempfile.TemporaryFile(dir=path):
+        pass
+
+
+def _check_mine(path: Path) -> None:
+    """Raise OSError if others could have put code into a folder that everybody can see."""
+    status = path.lstat()
+    path.chmod(0o700)
+    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid():
+        raise PermissionError(1, 'it belongs to somebody else')
+
+
+def _touch(path: Path) -> None:
+    """Note that a folder is in use, at most once a day."""
+    try:
+        if time.time() - path.stat().st_mtime < _DAY:
+            return
+    except FileNotFoundError:
+        pass
+    path.touch()
+
+
+def _unused(parent: Path) -> Iterator[Path]:
+    """Yield the folders of compiled code that have not been used for long."""
+    for path in parent.iterdir():
+        if _NAME.fullmatch(path.name) and path.is_dir() and not path.is_symlink():
+            stamp = path / _USED
+            try:
+                last = (stamp if stamp.exists() else path).stat().st_mtime
+            except OSError:
+                continue
+            if time.time() - last > _KEPT:
+                yield path
+
+
+def sources(root: Path) -> list[bytes]:
+    """Return the modules below `root` that compile something, and all that they import."""
+    packages = root / 'sim_node', root / 'snca_ros'
+    texts = {
+        '.'.join(path.relative_to(root).with_suffix('').parts): path.read_bytes()
+        for package in packages
+        for path in package.rglob('*.py')
+    }
+    imports = {name: _imports(text) for name, text in texts.items()}
+    needed, waiting = set[str](), [name for name in texts if _compiles(imports[name])]
+    while waiting:
+        name = waiting.pop()
+        if name not in needed:
+            needed.add(name)
+            waiting += [other for other in imports[name] if other in texts]
+    return [texts[name] for name in sorted(needed)]
+
+
+_JIT = f'{__name__.rpartition(".")[0]}.jit'
+
+
+def _compiles(imports: set[str]) -> bool:
+    """Tell whether a module with these `_imports` has compiled functions."""
+    return any(name.startswith(f'{_JIT}.') and not name.endswith('.warm_up') for name in imports)
+
+
+_IMPORT = re.compile(rb'^ *from ([\w.]+) import (\([^)]*\)|.*)', re.MULTILINE)
+
+
+def _imports(source: bytes) -> set[str]:
+    """Return the modules, and the names as module.name, that a source imports from."""
+    found = set[str]()
+    for module, names in _IMPORT.findall(source):
+        found.add(module.decode())
+        found |= {b'.'.join((module, name)).decode() for name in re.findall(rb'\w+', names)}
+    return found
+
+
+class _Place:
+    """Where the code of one function lies, and what it must not be older than (numba's locator)."""
+
+    def __init__(self, function: Any) -> None:
+        source, module = Path(inspect.getfile(function)).resolve(), function.__module__
+        self._line = function.__code__.co_firstlineno
+        self._stamp = ''
+        if not source.is_relative_to(_ROOT):  # its text is no part of the digest
+            self._stamp = hashlib.sha256(source.read_bytes()).hexdigest()
+            module += '-' + hashlib.sha256(str(source).encode()).hexdigest()[:16]
+        self._path = os.path.join(str(folder()), module)
+
+    def ensure_cache_path(self) -> None:
+        os.makedirs(self._path, exist_ok=True)
+
+    def get_cache_path(self) -> str:
+        return self._path
+
+    def get_source_stamp(self) -> str:
+        return self._stamp
+
+    def get_disambiguator(self) -> str:
+        return str(self._line)
+
+
+class _Results(CompileResultCacheImpl):
+    """Turns compiled code into data and back, as numba does, for files in a place of our own."""
+
+    def __init__(self, function: Any) -> None:
+        self._locator = _Place(function)
+        self._filename_base = self.get_filename_base(function.__qualname__, sys.abiflags)
+
+
+class _CheckedFiles(IndexDataCacheFile):
+    """Files with a checksum: linking damaged machine code could end the process."""
+
+    def _load_data(self, name: str) -> Any:
+        with open(self._data_path(name), 'rb') as file:
+            checksum, data = file.read(_SUM), file.read()
+        if hashlib.sha256(data).digest() != checksum:
+            raise ValueError(f'{name} is damaged')
+        return pickle.loads(data)
+
+    def _save_data(self, name: str, data: Any) -> None:
+        dumped = self._dump(data)
+        with self._open_for_write(self._data_path(name)) as file:
+            file.write(hashlib.sha256(dumped).digest() + dumped)
+
+
+class CodeCache(FunctionCache):
+    """The compiled versions of one function. What cannot be loaded is forgotten, not an error."""
+
+    _impl_class = _Results
+
+    def __init__(self, function: Any) -> None:
+        super().__init__(function)
+        self._cache_file = _CheckedFiles(
+            cache_path=self._cache_path,
+            filename_base=self._impl.filename_base,
+            source_stamp=self._impl.locator.get_source_stamp(),
+        )
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the compiled version for a signature; None if there is none, or a damaged one."""
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:
+            self.flush()
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep a compiled version, if the disk lets us."""
+        try:
+            super().save_overload(sig, data)
+        except OSError as error:
+            print(f'{self._cache_path}: {error.strerror}: compiled code is not kept',
+                  file=sys.stderr)

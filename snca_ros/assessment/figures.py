@@ -1,0 +1,70 @@
+"""Pictures of scores: on terrains, and against faults that grow."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from snca_ros.assessment.fault_sweep import Sweep
+from snca_ros.assessment.trials import summary
+from snca_ros.figures import legend_above
+
+
+def draw_scores(
+    controllers: Sequence[str], terrains: Sequence[str], scores: np.ndarray
+) -> Figure:
+    """Return a figure of v_x per terrain: large dots exact starts, small ones pushed starts.
+
+    Args:
+        controllers, terrains: their names.
+        scores: (n_controllers, n_terrains, 1 + n_pushed) v_x [m/s].
+    """
+    n = len(controllers)
+    figure = Figure(figsize=(7.0, 1.6 + len(terrains) * (0.2 + 0.1 * n)), layout='constrained')
+    axes = figure.subplots()
+    for i, (name, of_one) in enumerate(zip(controllers, scores, strict=True)):
+        rows = np.arange(len(terrains)) + 0.6 * ((i + 0.5) / n - 0.5)
+        color = f'C{i % 10}'
+        for pushed in of_one.T[1:]:
+            axes.plot(pushed, rows, '.', color=color, markersize=4, alpha=0.4)
+        label = f'{name}: mean {of_one[:, 0].mean():.3f} m/s'
+        axes.plot(of_one[:, 0], rows, 'o', color=color, markersize=6, label=label)
+    axes.set_yticks(range(len(terrains)), terrains, fontsize=8)
+    axes.invert_yaxis()
+    axes.grid(axis='x', linewidth=0.5)
+    axes.set_xlabel('v_x [m/s]')
+    legend_above(axes)
+    return figure
+
+
+def draw_sweeps(
+    names: Sequence[str], sweeps: Sequence[Sweep], scores: Sequence[np.ndarray]
+) -> Figure:
+    """Return a figure with a panel per sweep: mean v_x over starts, a standard deviation around.
+
+    Args:
+        names: of the controllers.
+        sweeps: what was done.
+        scores: (n_controllers, n_values, n_starts) v_x [m/s] of each sweep.
+    """
+    n_columns = min(3, len(sweeps))
+    n_rows = -(-len(sweeps) // n_columns)
+    figure = Figure(figsize=(0.8 + 2.6 * n_columns, 0.5 + 2.2 * n_rows), layout='constrained')
+    panels = figure.subplots(n_rows, n_columns, sharey=True, squeeze=False).ravel()
+    for axes in panels[len(sweeps) :]:
+        axes.remove()
+    for axes, sweep, of_sweep in zip(panels, sweeps, scores, strict=False):
+        for i, of_one in enumerate(of_sweep):
+            pairs = [summary(v_x.tolist()) for v_x in of_one]
+            mean, std = np.array([p if np.isfinite(p).all() else (np.nan, np.nan) for p in pairs]).T
+            color, label = f'C{i % 10}', names[i] if axes is panels[0] else None
+            axes.plot(sweep.values, mean, '.-', color=color, label=label)
+            axes.fill_between(sweep.values, mean - std, mean + std, color=color, alpha=0.25)
+        axes.axhline(0.0, color='0.55', linewidth=0.5)
+        axes.grid(axis='y', linewidth=0.5)
+        axes.set_xlabel(sweep.label, fontsize=8)
+        axes.tick_params(labelsize=8)
+    for axes in panels[::n_columns]:
+        axes.set_ylabel('v_x [m/s]', fontsize=8)
+    legend_above(panels[0], 1.04)
+    return figure

@@ -1,0 +1,167 @@
+"""The `assess` command: trained controllers on ground that they have not seen, and pushed."""
+
+import argparse
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from sim_node.engine import ENGINES, check_engine
+from sim_node.errors import InvalidInput
+from sim_node.model.terrain import UNSEEN_TERRAINS, parse_terrain, unseen_terrains
+from snca_ros.assessment import fault_sweep
+from snca_ros.assessment.fault_sweep import parse_sweep, sweep_trials
+from snca_ros.assessment.trials import (
+    COLUMNS,
+    FAULTY_STARTS,
+    MEAN,
+    Trial,
+    check_trials,
+    means_of_kinds,
+    run_trials,
+    table,
+    write_csv,
+)
+from snca_ros.bundled import find_controller
+from snca_ros.commands.worker_options import add_worker_arguments, open_workers
+from snca_ros.controller_file import TrainedController, load_controller
+from snca_ros.evolution.episode import EPISODE
+from snca_ros.evolution.workers import Workers
+from snca_ros.files import check_writable
+
+EXAMPLES = """
+  snca assess runs/tripod/best.npz                  # v_x on 16 terrains that it has not seen
+  snca assess runs/tripod/best.npz --terrain-seeds 10   # 10 of each irregular one of them
+  snca assess biped-U-nD-snn-h --terrains flat,uphill-10 --starts 20 --engine batched
+  snca assess biped-U-nD-snn-h --faults loss=0..0.9..0.1 --figure loss.png --csv loss.csv
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line of `assess`."""
+    parser.add_argument('controllers', nargs='+', metavar='CONTROLLER',
+                        help='controller file (.npz), or the name of a bundled one')
+    parser.add_argument('--terrains', metavar='NAMES',
+                        help='separated by commas (default: the 16 unseen ones; '
+                        'with --faults flat)')
+    parser.add_argument('--terrain-seeds', type=int, metavar='N',
+                        help='N seeds of each irregular unseen terrain: mean of each kind, and of '
+                        'all kinds (default 1)')
+    parser.add_argument('--engine', default='pymunk', help=f'{", ".join(ENGINES)} (default pymunk)')
+    parser.add_argument('--starts', type=int, metavar='N',
+                        help='also walk from N pushed starts: mean and standard deviation '
+                        f'(default 0; with --faults {FAULTY_STARTS})')
+    parser.add_argument('--duration', type=float, default=EPISODE,
+                        help=f'seconds of an episode (default {EPISODE:g})')
+    parser.add_argument('--faults', action='append', default=[], metavar='SPEC',
+                        help='let a fault grow instead, FROM..TO[..STEP] in place of its number: '
+                        'loss=0..0.9..0.1, delay=0..10, death=0..1@5; again for another panel')
+    parser.add_argument('--csv', type=Path, metavar='FILE',
+                        help='write a row per episode here, and without --faults the means '
+                        'over the terrains')
+    parser.add_argument('--figure', type=Path, metavar='FILE',
+                        help='picture to draw, .png, .svg or .pdf')
+    add_worker_arguments(parser)
+
+
+def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Assess as the command line says; return the exit code."""
+    from snca_ros.figures import check_figure  # matplotlib loads slowly
+
+    opened = open_workers(args, parser)
+    if args.starts is None:
+        args.starts = FAULTY_STARTS if args.faults else 0
+    check_trials(args.starts, args.duration)
+    if args.figure:
+        check_figure(args.figure)
+    if args.csv:
+        check_writable('csv', args.csv)
+    kinds = _kinds(args)
+    terrains = [name for names in kinds.values() for name in names]
+    for name in terrains:
+        parse_terrain(name)
+    trained = [load_controller(find_controller(name)) for name in args.controllers]
+    for controller in trained:
+        check_engine(args.engine, controller.solver)
+    if args.faults:
+        return _assess_faults(args, trained, terrains, opened)
+    trials = [
+        Trial(controller, terrain, args.engine, start, duration=args.duration)
+        for controller, terrain, start in product(trained, terrains, range(1 + args.starts))
+    ]
+    with opened as workers:
+        v_x = run_trials(workers, trials)
+    episodes = v_x.reshape(len(trained), len(terrains), 1 + args.starts)
+    scores = np.stack([means_of_kinds(kinds, of_one) for of_one in episodes])
+    names = [*kinds, MEAN]
+    print(f'v_x [m/s] of episodes of {args.duration:g} s in the {args.engine} engine')
+    for name, of_one in zip(args.controllers, scores, strict=True):
+        print('\n'.join(['', *table(name, names, of_one)]), flush=True)
+    if args.csv:
+        means = [i for i, name in enumerate(names) if name not in terrains]
+        rows = [*terrains, *(names[i] for i in means)]
+        each = product(args.controllers, rows, [args.engine], range(1 + args.starts))
+        v_x = np.concatenate([episodes, scores[:, means]], axis=1).ravel()
+        write_csv(args.csv, COLUMNS, [(*e, v) for e, v in zip(each, v_x.tolist(), strict=True)])
+    if args.figure:
+        from snca_ros.assessment.figures import draw_scores
+        from snca_ros.figures import write_figure
+
+        write_figure(draw_scores(args.controllers, names, scores), args.figure)
+    return 0
+
+
+def _kinds(args: argparse.Namespace) -> dict[str, tuple[str, ...]]:
+    """Return the names of the terrains that the command line asks for, kind by kind.
+
+    Without several seeds each terrain is a kind of its own.
+    """
+    if args.terrain_seeds is not None:
+        for option, given in (('terrains', args.terrains is not None), ('faults', args.faults)):
+            if given:
+                expected = f'none with --{option}: it is of the unseen terrains'
+                raise InvalidInput('terrain_seeds', args.terrain_seeds, expected)
+        found = unseen_terrains(args.terrain_seeds)
+        if args.terrain_seeds > 1:
+            return found
+    names = ['flat'] if args.faults else [*UNSEEN_TERRAINS]
+    if args.terrains is not None:
+        names = args.terrains.split(',')
+    return {name: (name,) for name in names}
+
+
+def _assess_faults(
+    args: argparse.Namespace,
+    trained: Sequence[TrainedController],
+    terrains: Sequence[str],
+    opened: AbstractContextManager[Workers],
+) -> int:
+    """Sweep as the command line says; return the exit code."""
+    sweeps = [parse_sweep(text) for text in args.faults]
+    n_starts = 1 + args.starts
+    rows: list[tuple] = []
+    scores = []
+    with opened as workers:
+        for sweep in sweeps:
+            trials = sweep_trials(trained, sweep, terrains, args.engine, n_starts, args.duration)
+            v_x = run_trials(workers, trials)
+            shape = len(trained), len(sweep.values), n_starts, len(terrains)
+            scores.append(v_x.reshape(shape).mean(axis=3))
+            lines = fault_sweep.table(args.controllers, sweep, scores[-1])
+            print('\n'.join(lines), end='\n\n', flush=True)
+            points = product(args.controllers, sweep.values)
+            at = [point for point in points for _ in range(n_starts * len(terrains))]
+            rows += [
+                (name, sweep.text, x, trial.terrain, trial.engine, trial.start, v)
+                for (name, x), trial, v in zip(at, trials, v_x.tolist(), strict=True)
+            ]
+    if args.csv:
+        write_csv(args.csv, fault_sweep.COLUMNS, rows)
+    if args.figure:
+        from snca_ros.assessment.figures import draw_sweeps
+        from snca_ros.figures import write_figure
+
+        write_figure(draw_sweeps(args.controllers, sweeps, scores), args.figure)
+    return 0

@@ -1,0 +1,82 @@
+"""The `campaign` command: many runs side by side, evolved and assessed, resumable at any moment."""
+
+import argparse
+import contextlib
+import signal
+import sys
+from concurrent.futures import BrokenExecutor
+from pathlib import Path
+
+from sim_node.errors import InvalidInput
+from snca_ros.campaign.results import Results
+from snca_ros.campaign.scheduler import Campaign, Listener
+from snca_ros.campaign.specification import read_campaign
+from snca_ros.command_line import INTERRUPTED
+from snca_ros.commands.worker_options import add_worker_arguments, open_workers
+from snca_ros.progress import StatusLine
+
+_GOES_ON = 'stopped; the same command goes on with it'
+
+EXAMPLES = """
+  snca campaign config/experiments/small.yaml       # again: goes on with it
+  snca campaign config/experiments/paper-main.yaml --results results/paper --runs runs/paper
+  snca campaign config/experiments/small.yaml --scheduler tcp://10.0.0.2:8786
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line of `campaign`."""
+    parser.add_argument('file', type=Path, metavar='FILE', help='the campaign, .yaml')
+    parser.add_argument('--results', type=Path, metavar='FOLDER',
+                        help='results.csv, histories and controllers (default results/<FILE>)')
+    parser.add_argument('--runs', type=Path, metavar='FOLDER', default=Path('runs'),
+                        help='run folders (default runs)')
+    add_worker_arguments(parser)
+
+
+class _Printer(Listener):
+    """Prints the runs that end, and below them how far the campaign is."""
+
+    def __init__(self) -> None:
+        self._line = StatusLine()
+
+    def progress(self, campaign: Campaign) -> None:
+        self._line.show(campaign.describe())
+
+    def finished(self, row: dict[str, str]) -> None:
+        self._line.clear()
+        print(
+            f'{row["run"]}: v_x {float(row["v_x_end"]):.3f} m/s, pushed mean '
+            f'{float(row["v_x_pushed_mean"]):.3f} ± {float(row["v_x_pushed_std"]):.3f}, '
+            f'unseen terrains {float(row["v_x_unseen"]):.3f}, robust '
+            f'{float(row["v_x_robust_mean"]):.3f} ± {float(row["v_x_robust_std"]):.3f}',
+            flush=True,
+        )
+
+    def failed(self, run: str, reason: str) -> None:
+        self._line.clear()
+        print(f'{run} failed: {reason}', file=sys.stderr, flush=True)
+
+
+def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Run, or go on with, a campaign as the command line says; return the exit code."""
+    open_workers(args, parser)  # checks the options
+    configs = read_campaign(args.file)
+    results = Results(args.results or Path('results') / args.file.stem)
+    campaign = Campaign(configs, results, args.runs.resolve(), _Printer())
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        print(campaign.describe(), file=sys.stderr, flush=True)
+        while campaign.waiting:
+            with contextlib.suppress(BrokenExecutor), open_workers(args, parser) as workers:
+                campaign.work(workers)
+    except KeyboardInterrupt:
+        print(f'\n{_GOES_ON}: {campaign.describe()}', file=sys.stderr)
+        return INTERRUPTED
+    except InvalidInput:  # no workers, or no more
+        print(f'{_GOES_ON}: {campaign.describe()}', file=sys.stderr)
+        raise
+    finally:
+        results.close()
+    print(f'{results.path / "results.csv"}: {campaign.describe()}')
+    return 1 if campaign.failed else 0

@@ -1,0 +1,58 @@
+"""The `history` command: how runs of `evolve` went or are going, as text and as a figure."""
+
+import argparse
+import shutil
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from snca_ros.evolution.history import History, describe, read_history
+
+EXAMPLES = """
+  snca history runs/tripod                          # how it went, or is going
+  snca history runs/tripod --watch                  # drawn again after every generation
+  snca history runs/* --figure histories.png
+"""
+
+_LOOK_EVERY = 1.0  # s
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line of `history`."""
+    parser.add_argument('runs', nargs='+', type=Path, metavar='RUN',
+                        help='run folder of evolve, or a history.csv')
+    parser.add_argument('--watch', action='store_true',
+                        help='draw again after every generation, until all runs are finished')
+    parser.add_argument('--figure', type=Path, metavar='FILE',
+                        help='picture to draw, .png, .svg or .pdf')
+
+
+def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Print and draw histories as the command line says; return the exit code."""
+    shown: list[str] = []
+    live = args.watch and sys.stdout.isatty()
+    width = shutil.get_terminal_size().columns if live else None
+    while True:
+        histories = [read_history(path) for path in args.runs]
+        finished = not args.watch or all(history.finished for history in histories)
+        lines = [line[:width] for history in histories for line in describe(history)]
+        if lines != shown:
+            if args.figure:
+                _draw(histories, args.figure)
+            if live and shown:  # over what stands there
+                print(f'\x1b[{len(shown)}F\x1b[J', end='')
+            if live or finished:
+                print('\n'.join(lines), flush=True)
+            shown = lines
+        if finished:
+            return 0
+        time.sleep(_LOOK_EVERY)
+
+
+def _draw(histories: Sequence[History], path: Path) -> None:
+    from snca_ros.evolution.figures import draw_histories  # matplotlib loads slowly
+    from snca_ros.figures import write_figure
+
+    names, tables = [h.name for h in histories], [h.rows for h in histories]
+    write_figure(draw_histories(names, tables), path)

@@ -1,0 +1,107 @@
+"""The `render` command: walks of controllers and bags as GIF, MP4 or a strip, without a screen."""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from sim_node.control_time import CONTROL_RATE
+from sim_node.errors import InvalidInput
+from snca_ros.bundled import find_controller
+from snca_ros.controller_file import load_controller
+from snca_ros.rendering.encoders import GAP, write_gif, write_mp4, write_strip
+from snca_ros.rendering.film import Film, film_bag, film_offline
+from snca_ros.rendering.scene import Scene
+
+EXAMPLES = """
+  snca render biped-U-nD-snn-h walk.gif
+  snca render runs/tripod/best.npz hills.gif --terrain hilly-1-10-0 --start 5 --duration 10
+  snca render biped-U-nD-snn-h poses.png
+  snca render biped-U-nD-snn-h bags/mine both.mp4 --label offline --label recorded --columns 1
+"""
+
+_N_POSES = 4  # in a strip
+_WIDTHS = {'.gif': 640, '.mp4': 640, '.png': 1280}  # of one robot's pictures
+_MOST = 1920  # of all, unless chosen
+_MOVIE_VIEW, _STRIP_VIEW = 2.4, 1.5  # width of a picture over length of the robot
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line of `render`."""
+    parser.add_argument('walks', nargs='+', metavar='WALK',
+                        help='controller file (.npz), the name of a bundled one, or a bag; '
+                        'several are shown together, on one scale')
+    parser.add_argument('out', type=Path, metavar='OUT',
+                        help=f'.gif, .mp4, or .png for a strip of {_N_POSES} poses')
+    parser.add_argument('--label', action='append', metavar='TEXT',
+                        help='of a walk, one option for each (default, of several: their names)')
+    parser.add_argument('--columns', type=int, metavar='N',
+                        help='robots side by side (default: all; 1 puts them above one another)')
+    parser.add_argument('--duration', type=float, default=8.0, help='seconds to show (default 8)')
+    parser.add_argument('--start', type=float, default=0.0,
+                        help='second of the walk to begin with (default 0)')
+    parser.add_argument('--terrain', help='of controllers; default: the one of their evolution')
+    parser.add_argument('--fps', type=float, default=20.0, help='pictures a second (default 20)')
+    parser.add_argument('--width', type=int,
+                        help=f'pixels (default 640, 1280 of a strip; up to {_MOST} for several)')
+
+
+def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Render as the command line says; return the exit code."""
+    kind, n = args.out.suffix.lower(), len(args.walks)
+    if kind not in _WIDTHS:
+        raise InvalidInput('OUT', str(args.out), f'a name that ends in {", ".join(_WIDTHS)}')
+    columns = 1 if kind == '.png' else n if args.columns is None else args.columns
+    width = min(_MOST, columns * _WIDTHS[kind]) if args.width is None else args.width
+    _check('columns', columns, 1, n)
+    _check('width', width, 100 * columns, 3840)
+    _check('fps', args.fps, 1, 50)
+    _check('start', args.start, 0, 3600)
+    _check('duration', args.duration, 1 / CONTROL_RATE, 120)
+    labels = args.label or ([_name(walk) for walk in args.walks] if n > 1 else [''])
+    if len(labels) != n:
+        raise InvalidInput('label', labels, f'{n}, one for each walk')
+    # A GIF counts in hundredths of a second.
+    period = round(100 / args.fps) / 100 if kind == '.gif' else 1 / args.fps
+    moments = args.start + (
+        np.linspace(0.0, args.duration, _N_POSES) if kind == '.png'
+        else np.arange(0.0, args.duration, period)
+    )
+    films = [_film(walk, args.terrain, moments) for walk in args.walks]
+    across = len(films[0].times) if kind == '.png' else columns
+    each = (width - (across - 1) * GAP) // across // 2 * 2
+    scene = Scene(films, labels, each, _STRIP_VIEW if kind == '.png' else _MOVIE_VIEW)
+    try:
+        if kind == '.png':
+            write_strip(args.out, scene)
+        elif kind == '.gif':
+            write_gif(args.out, scene, columns, period)
+        else:
+            write_mp4(args.out, scene, columns, args.fps)
+    except OSError as error:
+        shown = f'{args.out}: {error.strerror or error}'
+        raise InvalidInput('OUT', shown, 'a file that can be written') from None
+    walked = [f'{film.centers[len(scene) - 1, 0] - film.centers[0, 0]:.1f} m' for film in films]
+    print(f'{args.out}: {len(scene)} pictures, {" and ".join(walked)}, '
+          f'{args.out.stat().st_size / 1e6:.2f} MB')
+    return 0
+
+
+def _check(name: str, value: float, low: float, high: float) -> None:
+    if not low <= value <= high:
+        raise InvalidInput(name, value, f'a number from {low:.3g} to {high:g}')
+
+
+def _name(walk: str) -> str:
+    """Return what to call a walk: the file's name, or the folder's where that says nothing."""
+    path = Path(walk)
+    return path.parent.name if path.name == 'best.npz' and path.parent.name else path.stem
+
+
+def _film(walk: str, terrain: str | None, moments: np.ndarray) -> Film:
+    if Path(walk).is_dir():
+        if terrain is not None:
+            raise InvalidInput('terrain', terrain, f'none: {walk} is a bag and has its own')
+        return film_bag(Path(walk), moments)
+    trained = load_controller(find_controller(walk))
+    return film_offline(trained, terrain or trained.terrain, moments)

@@ -1,0 +1,84 @@
+"""The `replay` command: a page that plays the walk of a controller, a run's best, or a bag."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from sim_node.control_time import CONTROL_RATE
+from sim_node.errors import InvalidInput
+from snca_ros.bundled import find_controller
+from snca_ros.files import write_text
+from snca_ros.recording.bag import Recording, read_bag
+from snca_ros.web.replay import bag_page, controller_page
+
+EXAMPLES = """
+  snca replay biped-U-nD-snn-h                      # biped-U-nD-snn-h.html
+  snca replay biped-U-nD-snn-h hills.html --terrain hilly-1-10-0 --duration 60
+  snca replay runs/tripod                           # its best, with the history of the run
+  snca replay bags/mine --controller biped-U-nD-snn-h
+"""
+
+_MAX_DURATION = 3600.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line of `replay`."""
+    parser.add_argument('source', metavar='CONTROLLER|RUN|BAG',
+                        help='controller file or name of a bundled one, run folder of evolve '
+                        '(its best walks, with the history of the run), or bag')
+    parser.add_argument('out', type=Path, nargs='?', metavar='FILE',
+                        help='page to write (default replay.html in the run folder or bag; '
+                        'NAME.html for a controller)')
+    parser.add_argument('--episode', type=int, default=-1, metavar='N',
+                        help='of a bag with resets, from 0 (default: the last)')
+    parser.add_argument('--controller', metavar='CONTROLLER',
+                        help='that walked in the bag, which does not hold it: adds thresholds')
+    walk = parser.add_argument_group('the walk of a controller')
+    walk.add_argument('--duration', type=float, default=30.0, help='seconds (default 30)')
+    walk.add_argument('--terrain', default='', help='default: the one it was evolved on')
+    walk.add_argument('--faults', default='', metavar='SPEC',
+                      help='what goes wrong; see docs/robustness.md')
+
+
+def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Write the page that the command line asks for; return the exit code."""
+    source = Path(args.source)
+    is_run = (source / 'config.yaml').exists()
+    if source.is_dir() and not is_run:
+        if args.terrain or args.faults:
+            parser.error('--terrain and --faults are for walks that are no bag yet')
+        recording = read_bag(source, args.episode)
+        write_bag_page(args.out or source / 'replay.html', recording, args.controller)
+        return 0
+    if args.controller or args.episode != -1:
+        parser.error('--controller and --episode are for bags')
+    if not 1 / CONTROL_RATE <= args.duration <= _MAX_DURATION:
+        raise InvalidInput('duration', args.duration, f'seconds from 1/60 to {_MAX_DURATION:g}')
+    file = source / 'best.npz' if is_run else find_controller(args.source)
+    page = controller_page(
+        file, args.duration, args.terrain, args.faults, source if is_run else None
+    )
+    _write_page(args.out or (source / 'replay.html' if is_run else Path(f'{file.stem}.html')), page)
+    return 0
+
+
+def write_bag_page(path: Path, recording: Recording, controller: str | None) -> None:
+    """Write the page of a recorded walk, and print where it is and what to beware of.
+
+    Raises:
+        InvalidInput: the bag has no markers, the controller is of another robot, or `path` cannot
+            be written.
+    """
+    page, warning = bag_page(recording, controller)
+    _write_page(path, page)
+    if warning:
+        print(warning, file=sys.stderr)
+
+
+def _write_page(path: Path, page: str) -> None:
+    try:
+        write_text(path, page)
+    except OSError as error:
+        raise InvalidInput('html', f'{path}: {error.strerror}', 'a file that can be written') \
+            from None
+    print(f'page: {path}, {len(page) / 1e6:.1f} MB')

@@ -1,0 +1,67 @@
+"""The `report` command: what a bag tells about a walk, as text, figure and JSON."""
+
+import argparse
+import json
+from pathlib import Path
+
+from sim_node.errors import InvalidInput
+from snca_ros.files import check_writable, write_text
+from snca_ros.recording.bag import Recording, read_bag
+from snca_ros.recording.gait import Gait, measure_gait
+from snca_ros.recording.report import as_dict, report_lines
+
+EXAMPLES = """
+  snca report bags/mine
+  snca report bags/mine --json walk.json --figure walk.svg
+  snca report bags/mine --html                      # a page that plays the walk
+  snca report bags/mine --episode 0                 # of a bag with resets
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line of `report`."""
+    parser.add_argument('bag', type=Path, metavar='BAG', help='rosbag2 folder, MCAP or sqlite3')
+    parser.add_argument('--figure', type=Path, metavar='FILE',
+                        help='picture to draw, .png, .svg or .pdf (default BAG/report.png)')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the numbers here too')
+    parser.add_argument('--html', type=Path, nargs='?', const=True, metavar='FILE',
+                        help='page that plays the walk (default BAG/replay.html)')
+    parser.add_argument('--controller', metavar='CONTROLLER',
+                        help='that walked in the bag: adds thresholds to the page')
+    parser.add_argument('--episode', type=int, default=-1, metavar='N',
+                        help='of a bag with resets, from 0 (default: the last)')
+
+
+def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Report as the command line says; return the exit code."""
+    from snca_ros.figures import check_figure  # matplotlib loads slowly
+
+    if args.figure:
+        check_figure(args.figure)
+    if args.json:
+        check_writable('json', args.json)
+    recording = read_bag(args.bag, args.episode)
+    gait = measure_gait(recording)
+    print_report(recording, gait, args.figure or args.bag / 'report.png')
+    if args.json:
+        try:
+            write_text(args.json, json.dumps(as_dict(recording, gait), indent=2) + '\n')
+        except OSError as error:
+            shown = f'{args.json}: {error.strerror}'
+            raise InvalidInput('json', shown, 'a file that can be written') from None
+    if args.html:
+        from snca_ros.commands.replay import write_bag_page
+
+        page = args.bag / 'replay.html' if args.html is True else args.html
+        write_bag_page(page, recording, args.controller)
+    return 0
+
+
+def print_report(recording: Recording, gait: Gait, figure: Path) -> None:
+    """Print what a recording tells, and draw it into the file `figure`."""
+    from snca_ros.figures import write_figure
+    from snca_ros.recording.figures import draw_recording
+
+    print('\n'.join(report_lines(recording, gait)), flush=True)
+    write_figure(draw_recording(recording), figure)
+    print(f'\nfigure: {figure}')

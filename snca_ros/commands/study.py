@@ -1,0 +1,50 @@
+"""The `study` command: statistics and figures of campaigns, and a page that holds them all."""
+
+import argparse
+from pathlib import Path
+
+from sim_node.errors import InvalidInput
+from snca_ros.comparison.study import Study
+from snca_ros.files import write_text
+
+EXAMPLES = """
+  snca study results/example
+  snca study results/main results/more --campaign config/experiments/paper-main.yaml
+  snca study results/example --text
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line of `study`."""
+    parser.add_argument('results', nargs='+', type=Path, metavar='RESULTS',
+                        help='results folders of campaigns; their tables are joined')
+    parser.add_argument('--campaign', action='append', type=Path, default=[], metavar='FILE',
+                        help='only the runs of this campaign file, of which the missing '
+                             'are named; may be given again')
+    parser.add_argument('--output', type=Path, metavar='FOLDER',
+                        help='index.html, statistics.csv and figures (default RESULTS/study)')
+    parser.add_argument('--text', action='store_true',
+                        help='only print a summary in Markdown; write nothing')
+
+
+def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Study as the command line says; return the exit code."""
+    if args.text and args.output:
+        parser.error('--text writes nothing; drop --output')
+    study = Study(args.results, args.campaign)
+    if args.text:
+        print(study.summary(), flush=True)
+        return 0
+    files, output = study.files(), args.output or args.results[0] / 'study'
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        for name, text in files.items():
+            write_text(output / name, text)
+    except OSError as error:
+        expected = 'a folder that can be written'
+        raise InvalidInput('output', error.strerror, expected, str(output)) from None
+    for line in (*study.warnings, *study.missing):
+        print(line)
+    n = sum(name.endswith('.svg') for name in files)
+    print(f'{output / "index.html"}: {n} figures; statistics.csv has all comparisons')
+    return 0

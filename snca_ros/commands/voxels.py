@@ -1,0 +1,57 @@
+"""(ROS) The `voxels` command: some voxels of a robot, whose simulation is on another machine."""
+
+import argparse
+import signal
+import sys
+from dataclasses import replace
+
+from sim_node.errors import InvalidInput
+from sim_node.ros import security
+from snca_ros.bundled import find_controller
+from snca_ros.controller_file import load_controller
+from snca_ros.faults import parse_faults
+from snca_ros.graph.description import WalkOptions, describe_graph
+from snca_ros.graph.supervisor import supervise_voxels
+
+EXAMPLES = """
+  snca voxels biped-U-nD-snn-h --only 2/2          # while the other machine runs
+  snca walk biped-U-nD-snn-h --only 1/2
+  snca voxels best.npz --only voxel_0_0,voxel_1_0 --real-time --respawn
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line of `voxels`."""
+    parser.add_argument('controller', help='controller file, or the name of a bundled one')
+    parser.add_argument('--only', required=True, metavar='VOXELS',
+                        help='K/N, the Kth of N shares, or voxel_0_0,voxel_1_0,...')
+    parser.add_argument('--real-time', action='store_true',
+                        help='as the walk: never wait for a neighbour')
+    parser.add_argument('--respawn', action='store_true',
+                        help='start voxels again that were killed')
+    parser.add_argument('--faults', default='', metavar='SPEC',
+                        help='the same as the walk has')
+    parser.add_argument('--robot', default='', help='namespace (default: the shape)')
+    parser.add_argument('--voxels-per-process', type=int, default=1, metavar='K',
+                        help='voxels that share a process (default 1)')
+
+
+def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Run voxels for one walk, until its simulation is gone; return the exit code."""
+    security.check_middleware()
+    path = find_controller(args.controller)
+    options = WalkOptions(
+        args.robot, real_time_factor=float(args.real_time),
+        voxels_per_process=args.voxels_per_process, only=args.only, one_walk=True,
+        faults=parse_faults(args.faults),
+    )
+    graph = replace(describe_graph(path, load_controller(path), options), simulation=None)
+    if not graph.voxels:
+        raise InvalidInput('only', args.only, 'at least one voxel')
+    names = ', '.join(name for process in graph.voxels for name in process.names)
+    print(f'/{graph.robot}: {names}', file=sys.stderr)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        return supervise_voxels(graph, args.respawn)
+    except KeyboardInterrupt:
+        return 0

@@ -1,0 +1,172 @@
+"""(ROS) The `walk` command: brings a robot's graph up, watches it, takes it down, reports."""
+
+import argparse
+import signal
+import sys
+import time
+from collections.abc import Callable
+from datetime import datetime
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from sim_node.engine import DEFAULT_ENGINE, ENGINES
+from sim_node.errors import InvalidInput, check_name
+from sim_node.model.morphology import parse_morphology
+from sim_node.ros import security
+from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
+from snca_ros.command_line import INTERRUPTED
+from snca_ros.commands.report import print_report
+from snca_ros.controller_file import TrainedController, load_controller
+from snca_ros.evolution.episode import run_episode
+from snca_ros.faults import Faults, parse_faults
+from snca_ros.files import check_new_bag
+from snca_ros.graph.description import Graph, WalkOptions, describe_graph, robot_name
+from snca_ros.graph.live_view import LiveView
+from snca_ros.graph.processes import RunningGraph
+from snca_ros.graph.supervisor import supervise_walk
+from snca_ros.nodes.recorder import STORAGES
+from snca_ros.recording.bag import Recording, read_bag
+from snca_ros.recording.gait import measure_gait
+from snca_ros.web.server import check_port
+
+VIEW_PORT = 8765
+
+EXAMPLES = """
+  snca walk                                         # the bundled biped, 30 s, in lock-step
+  snca walk runs/tripod/best.npz --terrain hilly-1-10-0 --duration 60
+  snca walk --real-time --respawn                   # at 60 Hz; killed voxels come back
+  snca walk --view                                  # live on a page; click voxels to kill them
+  snca walk --faults loss=0.3,death=0.5@10,seed=3   # lost messages; half the voxels die at 10 s
+  snca walk --engine batched --bag bags/mine --storage sqlite3
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line of `walk`."""
+    parser.add_argument('controller', nargs='?', default=DEFAULT_CONTROLLER,
+                        help='controller file, or the name of a bundled one '
+                        f'(default {DEFAULT_CONTROLLER})')
+    parser.add_argument('--duration', type=float, default=30.0,
+                        help='simulated seconds to walk (default 30)')
+    parser.add_argument('--real-time', type=float, nargs='?', const=1.0, default=0.0,
+                        metavar='FACTOR', help='keep to wall time, or to FACTOR times as fast, '
+                        'and never wait for a voxel (default: in lock-step, as fast as it goes)')
+    parser.add_argument('--respawn', action='store_true',
+                        help='start voxels again that were killed')
+    parser.add_argument('--terrain', default='', help='default: the one it was evolved on')
+    parser.add_argument('--engine', default='',
+                        help=f'{", ".join(ENGINES)} (default {DEFAULT_ENGINE})')
+    parser.add_argument('--shape', help='refuse a controller of another shape than this')
+    parser.add_argument('--robot', default='', help='namespace (default: the shape)')
+    parser.add_argument('--voxels-per-process', type=int, default=1, metavar='K',
+                        help='voxels that share a process (default 1)')
+    parser.add_argument('--faults', default='', metavar='SPEC',
+                        help='what goes wrong: name=value,... such as loss=0.3,death=0.5@10, '
+                        'or a YAML file; see docs/robustness.md')
+    parser.add_argument('--only', default='', metavar='VOXELS',
+                        help='voxels of this machine, if `snca voxels` runs the others elsewhere: '
+                        'K/N, the Kth of N shares, or voxel_0_0,voxel_1_0,..., or none')
+    parser.add_argument('--view', type=int, nargs='?', const=VIEW_PORT, metavar='PORT',
+                        help='show the walk live on a page of this machine (default port '
+                        f'{VIEW_PORT}), in real time unless --real-time tells otherwise')
+    record = parser.add_mutually_exclusive_group()
+    record.add_argument('--bag', type=Path, help='bag to write (default bags/<robot>-<time>)')
+    record.add_argument('--no-bag', action='store_true', help='record nothing')
+    parser.add_argument('--storage', default='mcap',
+                        help=f'of the bag: {", ".join(STORAGES)} (default mcap)')
+
+
+def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Walk as the command line says; return the exit code."""
+    security.check_middleware()
+    path = find_controller(args.controller)
+    trained = load_controller(path)
+    if not 0.0 < args.duration <= 1e5:
+        raise InvalidInput('duration', args.duration, 'seconds from 0 to 100000')
+    if not 0.0 <= args.real_time <= 100.0:
+        raise InvalidInput('real_time', args.real_time, 'a factor from 0 to 100')
+    check_name('storage', args.storage, STORAGES)
+    if args.view is not None:
+        if not 0 <= args.view < 65536:
+            raise InvalidInput('view', args.view, 'a port from 0 to 65535')
+        check_port(args.view)
+        args.real_time = args.real_time or 1.0
+    _check_shape(path, trained, args.shape)
+    robot = args.robot or robot_name(trained.morphology)
+    bag = args.bag or Path('bags') / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'
+    if not args.no_bag:
+        check_new_bag(bag)
+    engine = args.engine or DEFAULT_ENGINE
+    faults = parse_faults(args.faults)
+    options = WalkOptions(
+        robot, args.terrain, engine, args.duration, args.real_time, args.voxels_per_process,
+        only=args.only, bag='' if args.no_bag else str(bag), storage=args.storage, faults=faults,
+        simulation={} if args.view is None else {'recorders': 2 - args.no_bag},
+    )
+    graph = describe_graph(path, trained, options)
+    # Also checks all names and compiles the cells before ten processes need them.
+    offline = _offline_centers(
+        trained, args.terrain or trained.terrain, engine, args.duration, faults
+    )
+    open_view = None
+    if args.view is not None:
+        open_view = partial(LiveView, args.view, trained, args.terrain or trained.terrain)
+    code = _walk(graph, options, args.respawn, open_view)
+    if code or args.no_bag:
+        return code
+    recording = read_bag(bag)
+    print_report(recording, measure_gait(recording), bag / 'report.png')
+    return _compare(recording, offline, may_differ=args.respawn or args.real_time > 0.0)
+
+
+def _check_shape(path: Path, trained: TrainedController, shape: str | None) -> None:
+    if shape is None:
+        return
+    if not parse_morphology(shape).same_shape(trained.morphology):
+        raise InvalidInput('morphology', trained.morphology.grid_string, shape, str(path))
+
+
+def _offline_centers(
+    trained: TrainedController, terrain: str, engine: str, duration: float, faults: Faults
+) -> np.ndarray:
+    simulation = trained.simulation(terrain, engine, faults=faults)
+    controller = trained.controller(faults)
+    print('offline first, to compare with', file=sys.stderr, flush=True)
+    return run_episode(simulation, controller, duration).centers
+
+
+def _walk(
+    graph: Graph, options: WalkOptions, respawn: bool,
+    open_view: Callable[[RunningGraph], LiveView] | None,
+) -> int:
+    """Run the graph until the simulation is done; return the exit code."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    started = time.monotonic()
+    n = sum(len(p.names) for p in graph.voxels)
+    print(
+        f'/{graph.robot}: {n} voxels in {len(graph.voxels)} processes, one simulation'
+        f'{", one recorder" if graph.recorder else ""}', file=sys.stderr,
+    )
+    try:
+        code = supervise_walk(graph, options, respawn, open_view)
+    except KeyboardInterrupt:
+        print('\nstopped', file=sys.stderr)
+        return INTERRUPTED
+    if code == 0:
+        taken = time.monotonic() - started
+        print(f'walked {options.duration:g} s in {taken:.1f} s, start included', file=sys.stderr)
+    return code
+
+
+def _compare(recording: Recording, offline: np.ndarray, may_differ: bool) -> int:
+    """Compare the recorded centres with those of the offline walk; return the exit code."""
+    centers = recording.centers
+    same = centers.shape == offline.shape and np.array_equal(centers, offline)
+    verdict = 'bit for bit the same' if same else 'NOT THE SAME'
+    if may_differ and not same and centers.shape == offline.shape:
+        parted = np.flatnonzero((centers != offline).any(axis=1))[0]
+        verdict = f'the same until step {parted}, when late, lost or dead voxels began to show'
+    print(f'offline twin: {len(offline)} positions of the centre, {verdict}')
+    return 0 if same or may_differ else 1

@@ -1,0 +1,32 @@
+"""Pictures of histories."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from snca_ros.figures import legend_above
+
+
+def draw_histories(names: Sequence[str], tables: Sequence[np.ndarray]) -> Figure:
+    """Return a figure of runs: best v_x so far, and median and range of each generation.
+
+    Args:
+        names: of the runs.
+        tables: (n_generations, 6) of each, the columns of history.csv.
+    """
+    figure = Figure(figsize=(7.0, 4.0 + 0.15 * len(names)), layout='constrained')
+    axes = figure.subplots()
+    for i, (name, table) in enumerate(zip(names, tables, strict=True)):
+        _, evaluations, best, median, worst, best_so_far = np.where(
+            np.isfinite(table), table, np.nan
+        ).T
+        color = f'C{i % 10}'
+        axes.fill_between(evaluations, worst, best, color=color, alpha=0.12, linewidth=0)
+        axes.plot(evaluations, median, color=color, linewidth=0.8)
+        axes.step(evaluations, best_so_far, where='post', color=color, linewidth=1.8, label=name)
+    axes.set(xlabel='evaluations', ylabel='v_x [m/s]')
+    axes.set_title('best so far (bold), median and range of a generation', loc='left', fontsize=9)
+    axes.grid(linewidth=0.4, alpha=0.5)
+    legend_above(axes, 1.07)
+    return figure

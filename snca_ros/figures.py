@@ -1,0 +1,45 @@
+"""Figures as files, and their legends."""
+
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.backend_bases import FigureCanvasBase
+from matplotlib.figure import Figure
+
+from sim_node.errors import InvalidInput
+from snca_ros.files import check_writable, write_atomically
+
+
+def check_figure(path: Path) -> str:
+    """Return the format that the suffix of `path` names.
+
+    Raises:
+        InvalidInput: it names none, or `path` cannot be written.
+    """
+    kinds, kind = FigureCanvasBase.get_supported_filetypes(), path.suffix[1:].lower()
+    if kind not in kinds:
+        raise InvalidInput('figure', str(path), f'a name that ends in .{", .".join(kinds)}')
+    check_writable('figure', path)
+    return kind
+
+
+def write_figure(figure: Figure, path: Path) -> None:
+    """Write `figure` to `path`, atomically; its suffix tells the format.
+
+    Raises:
+        InvalidInput: `path` has an unknown suffix or cannot be written.
+    """
+    kind = check_figure(path)
+    try:
+        write_atomically(path, lambda file: figure.savefig(file, format=kind, dpi=120))
+    except OSError as error:
+        raise InvalidInput('figure', f'{path}: {error.strerror}', 'a place to write') from None
+
+
+def legend_above(axes: Axes, at: float = 1.01) -> None:
+    """Put the legend of a panel above it, from its upper left corner on.
+
+    `at` is the height, in heights of the panel. matplotlib before 3.7 has no legend of a figure
+    that panels make room for.
+    """
+    axes.legend(loc='lower left', bbox_to_anchor=(0.0, at), borderaxespad=0.0, fontsize=8)

@@ -1,0 +1,198 @@
+"""(ROS) Running a graph to its end: how far it is, and what becomes of processes that end early."""
+
+import os
+import sys
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from sim_node.control_time import CONTROL_RATE
+from snca_ros.graph.description import Graph, NodeProcess, WalkOptions
+from snca_ros.graph.environment import graph_environment
+from snca_ros.graph.network import await_network
+from snca_ros.graph.processes import RunningGraph
+
+_LOOK_PERIOD = 0.2  # seconds between looks at who has ended
+
+
+class View(Protocol):
+    """A live view of a walk, as `snca_ros.graph.live_view.LiveView`."""
+
+    address: str
+
+    def spin_once(self) -> None:
+        """Do what is due, within a frame's time."""
+
+    def close(self) -> None:
+        """End the view."""
+
+
+def supervise_walk(
+    graph: Graph,
+    options: WalkOptions,
+    respawn: bool = False,
+    open_view: Callable[[RunningGraph], View] | None = None,
+) -> int:
+    """Run a graph until its simulation is done; return 0 if it was, 1 if a process failed.
+
+    Progress, and processes that end early, are told on standard error.
+
+    Args:
+        graph: its simulation is on this machine.
+        options: of the walk. In lock-step a voxel that ends also ends the walk; in real time the
+            robot goes on without it.
+        respawn: start voxels again that a signal has ended.
+        open_view: opens a live view of the running graph.
+    """
+    environment = graph_environment('network' if options.only else 'loopback')
+    os.environ.update(environment)
+    if options.only:
+        await_network()
+    with RunningGraph(graph, environment) as running:
+        return _watch_walk(running, options, respawn, open_view)
+
+
+def supervise_voxels(graph: Graph, respawn: bool = False) -> int:
+    """Run voxels of a graph until their simulation, on another machine, is done.
+
+    Args:
+        graph: without simulation; its voxels end by themselves after one walk.
+        respawn: start voxels again that a signal has ended.
+
+    Returns:
+        0, or 1 if a voxel has failed.
+    """
+    environment = graph_environment('network')
+    os.environ.update(environment)
+    await_network()
+    with RunningGraph(graph, environment) as running:
+        return _watch_voxels(running, respawn)
+
+
+class _Watch:
+    """The processes of a running graph that end early.
+
+    Args:
+        running: the graph.
+        respawn: start voxels again that a signal has ended.
+
+    Attributes:
+        given_up: those that have ended and are not started again.
+    """
+
+    def __init__(self, running: RunningGraph, respawn: bool) -> None:
+        self._running, self._respawn = running, respawn
+        self.given_up: set[NodeProcess] = set()
+
+    def ended(self) -> list[tuple[NodeProcess, int]]:
+        """Return the processes that have ended and are not given up, with their exit codes."""
+        ended = self._running.ended()
+        self.given_up.intersection_update(ended)  # a live view has started others again
+        return [(p, self._running.wait(p, 0.0)) for p in ended if p not in self.given_up]
+
+    def start_again(self, process: NodeProcess, code: int, message: str) -> bool:
+        """Start a process again if a signal has ended it; return whether it was."""
+        if not self._respawn or code >= 0:  # minus the number of a signal
+            return False
+        print(f'{message}: started again', file=sys.stderr)
+        self._running.start_again(process)
+        return True
+
+
+class _Progress:
+    """How far a walk is, by the diagnostics of its simulation, on a terminal."""
+
+    def __init__(self, node: Node, robot: str, duration: float) -> None:
+        self._name, self._duration, self._steps = f'/{robot}/sim_node', duration, 0
+        self._live = sys.stderr.isatty()
+        node.create_subscription(DiagnosticArray, '/diagnostics', self._note, 10)
+
+    def _note(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == self._name:
+                counters = {v.key: v.value for v in status.values}
+                if counters.get('steps', '').isdecimal():
+                    self._steps = int(counters['steps'])
+
+    def show(self) -> None:
+        """Show how far it is."""
+        self._print(self._steps / CONTROL_RATE, end='')
+
+    def finish(self) -> None:
+        """Show that it is done."""
+        self._print(self._duration, end='\n')
+
+    def _print(self, time: float, end: str) -> None:
+        if self._live:
+            text = f'\r{time:7.1f} of {self._duration:g} s'
+            print(text, end=end, file=sys.stderr, flush=True)
+
+
+def _watch_walk(
+    running: RunningGraph,
+    options: WalkOptions,
+    respawn: bool,
+    open_view: Callable[[RunningGraph], View] | None,
+) -> int:
+    graph, watch, view = running.graph, _Watch(running, respawn), None
+    assert graph.simulation is not None
+    arguments = ['--ros-args', '--enclave', graph.enclave('walk')]
+    # The forks have begun before, without a context of this process.
+    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = rclpy.create_node('walk', namespace=f'/{graph.robot}', enable_rosout=False)
+        progress = _Progress(node, graph.robot, options.duration)
+        if open_view:
+            view = open_view(running)
+            print(f'see it walk: {view.address}', file=sys.stderr, flush=True)
+        while running.exit_code(graph.simulation) is None:
+            rclpy.spin_once(node, timeout_sec=0.0 if view else _LOOK_PERIOD)
+            if view:
+                view.spin_once()
+            progress.show()
+            if not _goes_on(graph, watch, options.real_time_factor > 0.0):
+                return 1
+        progress.finish()
+        node.destroy_node()
+    finally:
+        if view:
+            view.close()
+        rclpy.try_shutdown()
+    return 0 if running.exit_code(graph.simulation) == 0 else 1
+
+
+def _goes_on(graph: Graph, watch: _Watch, real_time: bool) -> bool:
+    """Deal with the processes that have ended; return whether the walk can go on without them."""
+    for process, code in watch.ended():
+        if process is graph.simulation:
+            continue
+        message = f'\n{process.executable} {" ".join(process.names)} ended with code {code}'
+        is_voxel = process in graph.voxels
+        if is_voxel and watch.start_again(process, code, message):
+            continue
+        if not (is_voxel and real_time):
+            print(message, file=sys.stderr)
+            return False
+        print(f'{message}: the robot goes on without', file=sys.stderr)
+        watch.given_up.add(process)
+    return True
+
+
+def _watch_voxels(running: RunningGraph, respawn: bool) -> int:
+    """Wait until a voxel ends because its simulation has, or until all have failed."""
+    watch = _Watch(running, respawn)
+    while len(watch.given_up) < len(running.graph.voxels):
+        time.sleep(_LOOK_PERIOD)
+        for process, code in watch.ended():
+            if code == 0:
+                return 1 if watch.given_up else 0
+            message = f'{" ".join(process.names)} ended with code {code}'
+            if not watch.start_again(process, code, message):
+                print(message, file=sys.stderr)
+                watch.given_up.add(process)
+    return 1

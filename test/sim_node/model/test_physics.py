@@ -1,0 +1,71 @@
+"""The two physics by name, and when the reference's reads its sensors."""
+
+import numpy as np
+import pytest
+
+from sim_node.engine import ENGINES
+from sim_node.errors import InvalidInput
+from sim_node.model.physics import DEFAULT_PHYSICS, PHYSICS
+from sim_node.model.solver import Solver
+from sim_node.munk2d.pymunk_view import pymunk_view
+from sim_node.simulation import Simulation
+
+
+def test_names():
+    assert DEFAULT_PHYSICS == Solver().physics == 'reference'
+    assert Solver.from_dict({}).physics == 'first'
+    assert Solver.from_dict({'physics': 'reference'}) == Solver()
+    with pytest.raises(InvalidInput, match=r"solver\.physics.*did you mean 'reference'"):
+        Solver(physics='referense')
+    assert PHYSICS['reference'].slop == 0.005
+
+
+@pytest.mark.parametrize('engine', ENGINES)
+def test_poses_are_those_to_which_the_velocities_of_the_step_have_led(engine):
+    """In free fall, at rest within, both physics differ in when a step ends and in nothing else."""
+    now, late = (
+        Simulation('1', solver=Solver(physics=physics), engine=engine)
+        for physics in ('reference', 'first')
+    )
+    late.step([0.0])
+    for _ in range(15):
+        before = now.world.masses.copy()
+        now.step([0.0])
+        late.step([0.0])
+        np.testing.assert_allclose(now.world.masses[:, :3], late.world.masses[:, :3], atol=1e-12)
+        moved = now.world.masses[:, :2] - before[:, :2]
+        np.testing.assert_allclose(moved, now.world.masses[:, 3:] / 60.0, atol=1e-12)
+
+
+@pytest.mark.parametrize('engine', ENGINES)
+@pytest.mark.parametrize('terrain', ['flat', 'uphill-20', 'steppy-0.5-10-0'])
+def test_touch_is_seen_in_the_step_in_which_the_mass_arrives(engine, terrain):
+    sim = Simulation('11', terrain, engine=engine)
+    for _ in range(120):
+        sim.step([0.0, 0.0])
+        below = [
+            min(y - sim.terrain.height_at(x) for x, y in corners) <= 0.0
+            for corners in sim.world.corners.tolist()
+        ]
+        touching = sim.world.touching > 0.0
+        assert not (np.array(below) & ~touching).any()
+        if touching.any():
+            break
+    assert touching.any()
+    assert sim.velocity[1] < -3.0  # it has arrived but not yet been stopped
+
+
+def test_the_first_touch_of_a_mass_is_that_of_munk2d():
+    """A step of Munk2D's own begins with the contacts at the poses that were read before it."""
+    sim = Simulation('biped', 'hilly-1-10-1')
+    rng = np.random.default_rng(0)
+    view = pymunk_view(sim.backend.space)
+    masses = list(view.bodies)
+    for k in range(400):
+        predicted = sim.world.touching.copy()
+        sim.step(rng.choice([-1.0, 1.0], 10) if k % 5 == 0 else sim.world.actuation)
+        found: list = [[] for _ in masses]
+        for mass, contacts in zip(masses, found, strict=True):
+            mass.each_arbiter(contacts.append)
+        touched = np.array([bool(contacts) for contacts in found]).reshape(-1, 4).any(axis=1)
+        assert np.array_equal(touched, predicted > 0.0), k

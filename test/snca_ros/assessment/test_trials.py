@@ -1,0 +1,138 @@
+"""The assess command: scores, table, CSV and figure of controllers on many grounds."""
+
+import csv
+
+import numpy as np
+import pytest
+from support.assessment import assess, trained_worm
+
+from sim_node.model.terrain import UNSEEN_KINDS, UNSEEN_TERRAINS, unseen_terrains
+from sim_node.simulation import Simulation
+from snca_ros.assessment.trials import COLUMNS, Trial, run_trials, score, summary, table
+from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
+from snca_ros.controller_file import load_controller
+from snca_ros.evolution.episode import run_episode
+from snca_ros.evolution.workers import IN_PROCESS, local_workers
+
+
+@pytest.mark.parametrize('engine', ['pymunk', 'batched'])
+def test_a_trial_is_the_episode_of_its_simulation(engine):
+    trained = load_controller(find_controller(DEFAULT_CONTROLLER))
+    trial = Trial(trained, 'uphill-10', engine, start=2, duration=6.0, transient=1.0)
+    simulation = Simulation(
+        'biped', 'uphill-10', engine=engine, push=2, solver=trained.solver
+    )
+    expected = run_episode(simulation, trained.controller(), 6.0).velocity(1.0)
+    assert score(trial) == expected != 0.0
+
+
+def test_workers_do_not_matter():
+    trials = [
+        Trial(trained_worm(), terrain, start=start, duration=2.0, transient=0.5)
+        for terrain in ('flat', 'hilly-1-10-0') for start in range(2)
+    ]
+    alone = run_trials(IN_PROCESS, trials)
+    with local_workers(2) as workers:
+        assert run_trials(workers, trials).tolist() == alone.tolist()
+    assert len(set(alone.tolist())) == 4
+
+
+def test_table_csv_and_figure_tell_the_same(worms, tmp_path, capsys):
+    terrains = ['flat', 'downhill-20', 'hilly-1-10-0']
+    code, out, err = assess(
+        *worms, '--terrains', ','.join(terrains), '--starts', 3, '--workers', 1, '--duration', 7,
+        '--csv', tmp_path / 'scores.csv', '--figure', tmp_path / 'scores.svg', capsys=capsys,
+    )
+    assert (code, err) == (0, '')
+    with (tmp_path / 'scores.csv').open(newline='') as file:
+        rows = list(csv.DictReader(file))
+    assert tuple(rows[0]) == COLUMNS
+    terrains.append('mean')
+    expected = [(w, t, 'pymunk', str(s)) for w in worms for t in terrains for s in range(4)]
+    assert [tuple(row[c] for c in COLUMNS[:4]) for row in rows] == expected
+    scores = np.array([float(row['v_x']) for row in rows]).reshape(2, 4, 4)
+    np.testing.assert_allclose(scores[:, 3], scores[:, :3].mean(axis=1), rtol=1e-12)
+    assert scores[1, 1, 2] == score(
+        Trial(trained_worm(1), 'downhill-20', start=2, duration=7.0)
+    )
+    for worm, of_one in zip(worms, scores, strict=True):
+        assert '\n'.join(table(worm, terrains, of_one)) in out
+    picture = (tmp_path / 'scores.svg').read_text()
+    assert picture.startswith('<?xml')
+    assert all(f'<!-- {terrain} -->' in picture for terrain in terrains)
+
+
+def test_seeds_of_terrains_count_within_their_kind(worms, tmp_path, capsys):
+    path = tmp_path / 'scores.csv'
+    options = ('--workers', 1, '--duration', 5.1, '--csv', path)
+    code, out, err = assess(worms[0], '--terrain-seeds', 2, *options, capsys=capsys)
+    assert (code, err) == (0, '')
+    with path.open(newline='') as file:
+        v_x = {row['terrain']: float(row['v_x']) for row in csv.DictReader(file)}
+    kinds = unseen_terrains(2)
+    assert list(v_x) == [
+        *(name for names in kinds.values() for name in names), *UNSEEN_KINDS[:12], 'mean'
+    ]
+    assert v_x['hilly-1-20-16'] == score(Trial(trained_worm(), 'hilly-1-20-16', duration=5.1))
+    for kind, names in kinds.items():
+        assert v_x[kind] == np.mean([v_x[name] for name in names])
+    assert v_x['mean'] == pytest.approx(np.mean([v_x[kind] for kind in UNSEEN_KINDS]), rel=1e-12)
+    lines = [line.split()[0] for line in out.splitlines()[2:]]
+    assert lines == [worms[0], 'v_x', *UNSEEN_KINDS, 'mean']
+
+    code, out, _ = assess(worms[0], '--terrain-seeds', 1, *options, capsys=capsys)
+    assert (code, assess(worms[0], *options, capsys=capsys)[1]) == (0, out)
+    assert [line.split()[0] for line in out.splitlines()[4:-1]] == [*UNSEEN_TERRAINS]
+
+
+def test_lines_of_a_table():
+    scores = np.array([[1.0, 0.0, 2.0, 4.0], [3.0, 2.0, 2.0, 2.0]])
+    name, head, flat, hilly = table('worm', ['flat', 'hilly'], scores)
+    assert name == 'worm'
+    assert head.split() == ['v_x', 'mean', 'std', 'of', '3', 'pushed', 'starts']
+    assert flat.split() == ['flat', '1.000', '2.000', '2.000']
+    assert hilly.split() == ['hilly', '3.000', '2.000', '0.000']
+    assert [line.split() for line in table('w', ['flat'], scores[:1, :1])] == [
+        ['w'], ['v_x'], ['flat', '1.000']
+    ]
+
+
+def test_summary_of_starts():
+    assert summary([1.0, 3.0]) == (2.0, pytest.approx(2.0**0.5))
+    assert summary([5.0]) == (5.0, 0.0)
+    mean, deviation = summary([1.0, -np.inf])
+    assert mean == -np.inf
+    assert np.isnan(deviation)
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        (['nowhere.npz'], ['nowhere.npz', 'controller file']),
+        ([DEFAULT_CONTROLLER, '--terrains', 'flat,hily-1-10-0'], ['hily-1-10-0', "'hilly'"]),
+        ([DEFAULT_CONTROLLER, '--engine', 'pymnk'], ['engine', "did you mean 'pymunk'?"]),
+        ([DEFAULT_CONTROLLER, '--terrain-seeds', '0'], ['terrain_seeds', '0', 'from 1 to 1000']),
+        ([DEFAULT_CONTROLLER, '--terrain-seeds', '2', '--terrains', 'flat'],
+         ['terrain_seeds', '2', 'none with --terrains']),
+        ([DEFAULT_CONTROLLER, '--terrain-seeds', '2', '--faults', 'loss=0..1'],
+         ['terrain_seeds', '2', 'none with --faults']),
+        ([DEFAULT_CONTROLLER, '--starts', '-1'], ['starts', 'from 0']),
+        ([DEFAULT_CONTROLLER, '--duration', '5'], ['duration', '5.0', 'above 5 s']),
+        ([DEFAULT_CONTROLLER, '--duration', 'nan'], ['duration', 'nan']),
+        ([DEFAULT_CONTROLLER, '--figure', 'scores.xyz'], ['scores.xyz', '.png']),
+    ],
+)
+def test_bad_input_is_one_line(arguments, words, capsys):
+    code, out, err = assess(*arguments, capsys=capsys)
+    assert (code, out, err.count('\n')) == (2, '', 1)
+    assert all(word in err for word in words)
+
+
+def test_csv_that_cannot_be_written_is_refused_before_the_work(worms, capsys):
+    code, out, err = assess(
+        worms[0], '--terrains', 'flat', '--workers', 1, '--csv', '/proc/nowhere/scores.csv',
+        capsys=capsys,
+    )
+    assert (code, err.count('\n')) == (2, 1)
+    assert out == ''
+    assert '/proc/nowhere/scores.csv' in err

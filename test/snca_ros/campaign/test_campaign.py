@@ -1,0 +1,347 @@
+"""Campaigns: whole, killed and resumed, with failures; the table is the same bytes."""
+
+import csv
+import os
+import shutil
+import signal
+import subprocess
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from support.tiny_campaign import (
+    LIMIT,
+    TINY,
+    contents,
+    generations,
+    start,
+    wait_until,
+    work,
+    write_file,
+)
+
+from sim_node.errors import InvalidInput
+from sim_node.model.solver import Solver
+from sim_node.model.terrain import UNSEEN_KINDS, UNSEEN_TERRAINS
+from snca_ros import cli
+from snca_ros.assessment.trials import Trial, score
+from snca_ros.campaign.columns import COLUMNS, MAY_BE_EMPTY, settings_of
+from snca_ros.campaign.endpoints import perform
+from snca_ros.campaign.results import Results, read_rows
+from snca_ros.campaign.specification import read_campaign
+from snca_ros.cell.architecture import Architecture
+from snca_ros.controller_file import load_controller, package_versions
+from snca_ros.evolution.checkpoint import RunFolder
+from snca_ros.evolution.config import RunConfig
+from snca_ros.evolution.evaluator import Evaluator
+from snca_ros.evolution.workers import local_workers
+
+
+@pytest.fixture(scope='module')
+def file(tmp_path_factory):
+    return write_file(tmp_path_factory.mktemp('campaign'))
+
+
+@pytest.fixture(autouse=True)
+def _signals_are_restored():
+    before = signal.getsignal(signal.SIGTERM)
+    yield
+    signal.signal(signal.SIGTERM, before)
+
+
+@pytest.fixture(scope='module')
+def whole(file, tmp_path_factory):
+    """Return the folder of a campaign that nobody stopped."""
+    folder = tmp_path_factory.mktemp('whole')
+    campaign = work(file, folder)
+    assert not campaign.failed
+    return folder
+
+
+def rows_of(folder: Path) -> dict[str, dict[str, str]]:
+    with (folder / 'results' / 'results.csv').open(newline='') as table:
+        return {row['run']: row for row in csv.DictReader(table)}
+
+
+# --- the results ------------------------------------------------------------------------------
+
+
+def test_every_run_has_its_row_history_and_controller(file, whole):
+    configs = {config.name: config for config in read_campaign(file)}
+    rows = rows_of(whole)
+    assert rows.keys() == configs.keys()
+    assert contents(whole / 'results').keys() == {
+        'results.csv',
+        *(f'histories/{name}.csv' for name in configs),
+        *(f'controllers/{name}.npz' for name in configs),
+        *(f'controllers/{name}-robust.npz' for name in configs),
+    }
+    for name, row in rows.items():
+        config = configs[name]
+        assert tuple(row) == COLUMNS
+        assert {key: row[key] for key in settings_of(config)} == settings_of(config)
+        assert (row['seed'], row['evaluations'], row['duration']) == (str(config.seed), '40', '1')
+        assert (row['strategy'], row['physics'], row['as_printed']) == ('es', 'reference', 'false')
+        assert row['terrain_set'] == 'seeds-1-12'
+        versions = package_versions()
+        for package in ('code', 'numpy', 'numba', 'pymunk'):
+            assert row[f'{package}_version'] == versions[package]
+        for what, suffix in (('best', ''), ('robust', '-robust')):
+            made = whole / 'runs' / name / f'{what}.npz'
+            kept = whole / 'results' / 'controllers' / f'{name}{suffix}.npz'
+            assert kept.read_bytes() == made.read_bytes()
+
+
+def test_every_setting_of_a_run_has_a_column():
+    settings = {f.name for of in (RunConfig, Architecture, Solver) for f in fields(of)}
+    # uniform and directional are the architecture's name; no campaign changes the material.
+    assert settings - {*COLUMNS} == {'uniform', 'directional', 'material', 'solver'}
+
+
+def test_speeds_are_those_of_the_controller(file, whole):
+    configs = {config.name: config for config in read_campaign(file)}
+    for name, row in rows_of(whole).items():
+        config = configs[name]
+        best = load_controller(whole / 'results' / 'controllers' / f'{name}.npz')
+        trial = Trial(best, 'flat', duration=1.0, transient=0.2)
+        assert row['chosen_by'] == best.chosen_by == config.engine
+        assert float(row['v_x_end']) == best.fitness == score(replace(trial, engine=config.engine))
+        assert float(row['v_x_other']) == score(replace(trial, engine=config.other_engine))
+        history = (whole / 'runs' / name / 'history.csv').read_text().splitlines()
+        assert row['v_x_end'] == history[-1].split(',')[-1]
+        unseen = [float(row[kind]) for kind in UNSEEN_KINDS]
+        assert unseen[3] == score(replace(trial, terrain=UNSEEN_TERRAINS[3]))
+        assert float(row['v_x_unseen']) == pytest.approx(np.mean(unseen))
+        pushed = [score(replace(trial, start=i)) for i in range(1, 21)]
+        assert row['starts'] == '1-20'
+        assert float(row['v_x_pushed_mean']) == np.mean(pushed)
+        assert float(row['v_x_pushed_std']) == pytest.approx(np.std(pushed, ddof=1))
+        assert 0.0 < float(row['frequency']) <= 30.0
+        assert 0.0 <= float(row['vibration']) <= 1.0
+
+
+def test_robust_controller_has_the_best_mean_of_the_last_whole_population(file, whole):
+    configs = {config.name: config for config in read_campaign(file)}
+    for name, row in rows_of(whole).items():
+        config = configs[name]
+        folder = RunFolder.resume(whole / 'runs' / name)
+        individuals, fitness = folder.load().population
+        folder.close()
+        assert len(individuals) == 8
+        evaluator = Evaluator(config)
+        means = np.mean([evaluator(individuals, start) for start in range(1, 21)], axis=0)
+        place = int(row['robust_rank']) - 1
+        assert means[place] == means.max() == float(row['v_x_robust_chosen'])
+        robust = load_controller(whole / 'results' / 'controllers' / f'{name}-robust.npz')
+        assert robust.theta.tolist() == individuals[place].tolist()
+        assert robust.fitness == fitness[place] == robust.v_x[config.engine]
+        trial = Trial(robust, 'flat', duration=1.0, transient=0.2)
+        pushed = [score(replace(trial, start=i)) for i in range(101, 121)]
+        assert row['robust_starts'] == '101-120'
+        assert float(row['v_x_robust_mean']) == np.mean(pushed)
+        assert float(row['v_x_robust_std']) == pytest.approx(np.std(pushed, ddof=1))
+        unseen = [score(replace(trial, terrain=terrain)) for terrain in UNSEEN_TERRAINS]
+        assert float(row['v_x_robust_unseen']) == np.mean(unseen)
+
+
+def test_only_what_an_engine_cannot_do_is_empty(whole, tmp_path):
+    for row in rows_of(whole).values():
+        assert [column for column, value in row.items() if not value] == []
+    config = RunConfig(
+        'worm-2x1', Architecture.named('U-D', 'mlp'), evaluations=4, population=4, duration=0.5,
+        transient=0.1, solver=Solver(self_collision=True),
+    )
+    row = perform(config, tmp_path / 'run').row
+    assert [column for column, value in row.items() if not value] == ['v_x_other']
+    assert 'v_x_other' in MAY_BE_EMPTY
+    assert row['self_collision'] == 'true'
+
+
+def test_run_that_an_earlier_version_finished_is_refused(file, whole, tmp_path):
+    config = read_campaign(file)[0]
+    shutil.copytree(whole / 'runs' / config.name, tmp_path / 'run')
+    path = tmp_path / 'run' / 'checkpoint.npz'
+    with np.load(path) as data:
+        kept = {name: data[name] for name in ('individuals', 'fitness', 'generation', 'history')}
+    np.savez(path, **kept, reassessed=np.array([0.1, 0.2]))
+    with pytest.raises(InvalidInput, match=r'run: .*earlier version.*remove the folder'):
+        perform(config, tmp_path / 'run')
+
+
+def test_history_is_the_best_so_far_where_it_rises(whole):
+    for name in rows_of(whole):
+        with (whole / 'runs' / name / 'history.csv').open(newline='') as full:
+            points = [(int(r['evaluations']), r['best_so_far']) for r in csv.DictReader(full)]
+        with (whole / 'results' / 'histories' / f'{name}.csv').open(newline='') as thin:
+            kept = [(int(r['evaluations']), r['best_so_far']) for r in csv.DictReader(thin)]
+        assert set(kept) <= set(points)
+        assert (kept[0], kept[-1]) == (points[0], points[-1])
+        curve = {}
+        for evaluations, best in points:  # the step function through the kept points
+            curve[evaluations] = [b for e, b in kept if e <= evaluations][-1]
+            assert curve[evaluations] == best
+
+
+def test_workers_do_not_matter(file, whole, tmp_path):
+    with local_workers(2) as workers:
+        work(file, tmp_path, workers)
+    assert contents(tmp_path / 'results') == contents(whole / 'results')
+
+
+def test_finished_runs_are_not_done_again_and_shared_between_campaigns(file, whole, tmp_path):
+    shutil.copytree(whole / 'results', tmp_path / 'results')
+    more = tmp_path / 'more.yaml'
+    more.write_text(yaml.safe_dump({**TINY, 'seed': [1, 2], 'cases': [{'architecture': 'U-D'}]}))
+    campaign = work(more, tmp_path)
+    assert [path.name for path in (tmp_path / 'runs').iterdir()] == [
+        config.name for config in campaign.configs if config.seed == 2
+    ]
+    before, after = rows_of(whole), rows_of(tmp_path)
+    assert len(after) == 5
+    assert {name: after[name] for name in before} == before
+    # In another results folder the run folders are taken up: assessed, not evolved again.
+    folder = tmp_path / 'other'
+    shutil.copytree(whole / 'runs', folder / 'runs')
+    stamps = {p: p.stat().st_mtime_ns for p in (folder / 'runs').rglob('checkpoint.npz')}
+    work(file, folder)
+    assert contents(folder / 'results') == contents(whole / 'results')
+    assert stamps == {p: p.stat().st_mtime_ns for p in (folder / 'runs').rglob('checkpoint.npz')}
+
+
+# --- stopped, killed, failing -----------------------------------------------------------------
+
+
+def test_killed_twice_and_resumed_gives_the_same_bytes(file, whole, tmp_path):
+    for _ in range(2):
+        before = generations(tmp_path)
+        process = start(file, tmp_path)
+        try:
+            wait_until(lambda: generations(tmp_path) >= before + 2, 'two generations')  # noqa: B023
+        finally:
+            process.kill()
+            process.communicate(timeout=LIMIT)
+    process = start(file, tmp_path)
+    out, err = process.communicate(timeout=LIMIT)
+    assert process.returncode == 0, err
+    assert '4 of 4 runs done, 0 running, 0 waiting, 0 failed' in out
+    assert contents(tmp_path / 'results') == contents(whole / 'results')
+
+
+def test_sigterm_stops_and_says_how_to_go_on(file, whole, tmp_path):
+    process = start(file, tmp_path)
+    wait_until(lambda: generations(tmp_path) >= 1, 'a generation')
+    process.send_signal(signal.SIGTERM)
+    _, err = process.communicate(timeout=LIMIT)  # also: no worker holds the pipes open
+    assert process.returncode == 130
+    assert 'Traceback' not in err
+    assert 'the same command goes on' in err
+    work(file, tmp_path)
+    assert contents(tmp_path / 'results') == contents(whole / 'results')
+
+
+def workers_of(process: subprocess.Popen) -> list[int]:
+    children = Path(f'/proc/{process.pid}/task/{process.pid}/children').read_text().split()
+    return [int(c) for c in children if b'spawn_main' in Path(f'/proc/{c}/cmdline').read_bytes()]
+
+
+def test_worker_that_is_killed_is_replaced(file, whole, tmp_path):
+    process = start(file, tmp_path)
+    wait_until(lambda: generations(tmp_path) >= 1, 'a generation')
+    workers = workers_of(process)
+    os.kill(workers[0], signal.SIGKILL)
+    out, err = process.communicate(timeout=LIMIT)
+    assert (process.returncode, len(workers)) == (0, 2), err
+    assert '4 of 4 runs done' in out
+    assert contents(tmp_path / 'results') == contents(whole / 'results')
+
+
+def test_failed_run_is_reported_and_the_rest_goes_on(file, whole, tmp_path, capsys):
+    bad = read_campaign(file)[0].name
+    shutil.copytree(whole / 'runs' / bad, tmp_path / 'runs' / bad)
+    (tmp_path / 'runs' / bad / 'checkpoint.npz').write_bytes(b'damaged')
+    options = ['--results', str(tmp_path / 'results'), '--runs', str(tmp_path / 'runs')]
+    assert cli.main(['campaign', str(file), '--workers', '1', *options]) == 1
+    out, err = capsys.readouterr()
+    assert '3 of 4 runs done, 0 running, 0 waiting, 1 failed' in out
+    assert f'{bad} failed: InvalidInput: ' in err
+    assert 'checkpoint.npz' in err
+    assert rows_of(tmp_path).keys() == rows_of(whole).keys() - {bad}
+    shutil.rmtree(tmp_path / 'runs' / bad)
+    work(file, tmp_path)
+    assert contents(tmp_path / 'results') == contents(whole / 'results')
+
+
+def _perform_or_die(config, path):
+    if config.name in os.environ['DEADLY'].split():
+        os._exit(3)
+    return perform(config, path)
+
+
+@pytest.mark.parametrize('n_deadly', [1, 2])
+def test_runs_that_end_their_process_fail_alone(
+    n_deadly, file, whole, tmp_path, monkeypatch, capsys
+):
+    names = [config.name for config in read_campaign(file)]
+    deadly = names[1 : 1 + n_deadly]
+    monkeypatch.setattr('snca_ros.campaign.scheduler.perform', _perform_or_die)
+    monkeypatch.setenv('DEADLY', ' '.join(deadly))
+    options = ['--results', str(tmp_path / 'results'), '--runs', str(tmp_path / 'runs')]
+    assert cli.main(['campaign', str(file), '--workers', '4', *options]) == 1
+    out, err = capsys.readouterr()
+    assert f'{4 - n_deadly} of 4 runs done, 0 running, 0 waiting, {n_deadly} failed' in out
+    assert [line.split()[0] for line in err.splitlines() if ' failed: ' in line] == deadly
+    assert rows_of(tmp_path).keys() == set(names) - set(deadly)
+    monkeypatch.undo()
+    work(file, tmp_path)
+    assert contents(tmp_path / 'results') == contents(whole / 'results')
+
+
+def test_folder_of_another_run_is_refused(file, whole, tmp_path):
+    one, other, *_ = (config.name for config in read_campaign(file))
+    shutil.copytree(whole / 'runs' / one, tmp_path / 'runs' / other)
+    campaign = work(file, tmp_path)
+    assert list(campaign.failed) == [other]
+    assert f'the configuration of {other}' in campaign.failed[other]
+
+
+def test_results_in_use_are_refused(file, tmp_path, capsys):
+    held = Results(tmp_path)
+    assert cli.main(['campaign', str(file), '--results', str(tmp_path)]) == 2
+    held.close()
+    err = capsys.readouterr().err
+    assert err.count('\n') == 1
+    assert 'no other process' in err
+
+
+@pytest.mark.parametrize(
+    ('damage', 'words'),
+    [
+        (lambda text: text.replace('v_x_unseen', 'v_x_seen'), ['header']),
+        (lambda text: text[: len(text) // 2], ['results.csv:']),
+        (lambda text: text + text.splitlines()[1] + '\n', ['run', 'no other row']),
+        (lambda text: text.replace(',40,0,', ',40,zero,', 1), ['seed', "'zero'", 'a whole']),
+        (lambda text: text.replace(',40,0,', ',40.5,0,', 1), ['evaluations', "'40.5'"]),
+        (lambda text: text.replace(',1-20,', ',1-20,x', 1), ['v_x_pushed_mean', 'a number']),
+        (lambda text: text.replace(',101-120,', ',101-120,x', 1), ['v_x_robust_mean', 'a number']),
+        (lambda text: text.replace(',1-20,', ',1-20,,', 1), ['values']),
+        (lambda text: '', ['file']),
+        (lambda text: '\0', ['results.csv']),
+    ],
+)
+def test_damaged_table_is_refused_and_kept(whole, tmp_path, damage, words):
+    (tmp_path / 'results.csv').write_text(
+        damage((whole / 'results' / 'results.csv').read_text())
+    )
+    before = (tmp_path / 'results.csv').read_bytes()
+    with pytest.raises(InvalidInput) as error:
+        Results(tmp_path)
+    assert all(word in str(error.value) for word in words)
+    assert (tmp_path / 'results.csv').read_bytes() == before
+
+
+def test_rows_are_read_as_they_were_written(whole):
+    rows = read_rows(whole / 'results' / 'results.csv')
+    assert {row['run']: row for row in rows} == rows_of(whole)
+    assert [row['seed'] for row in rows] == ['0', '1', '0', '1']

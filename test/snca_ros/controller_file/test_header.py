@@ -1,0 +1,223 @@
+"""The header and the parameters of a controller file: every wrong value is named."""
+
+import json
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from support.controller_files import THETA, json_values, quick, refusal, write
+
+from sim_node.errors import InvalidInput
+from sim_node.model.material import Material
+from snca_ros.controller_file import load_controller
+
+
+@pytest.mark.parametrize(
+    'theta',
+    [
+        THETA.astype(np.float32),
+        THETA.astype('>f8'),
+        THETA.astype(complex),
+        THETA.astype(int),
+        THETA > 0,
+        THETA.astype(str),
+        THETA.astype([('x', 'f8')]),
+        THETA.astype('M8[s]'),
+        THETA[:-1],
+        np.append(THETA, 0.0),
+        THETA[None],
+        THETA[:, None],
+        np.array(1.0),
+        np.empty(0),
+        np.empty((117, 0)),
+        np.tile(THETA, 2),
+    ],
+    ids=lambda theta: f'{theta.dtype}-{theta.shape}',
+)
+def test_theta_of_another_kind(path, header, theta):
+    write(path, header, theta)
+    text = refusal(path)
+    assert text.startswith('theta: got ')
+    assert text.endswith('expected float64 of shape (117,)')
+
+
+def test_theta_of_a_non_uniform_robot_has_all_voxels(path, header):
+    grid = {'name': 'three', 'grid': '111'}
+    header = {
+        **header, 'morphology': grid, 'architecture': {**header['architecture'], 'uniform': False}
+    }
+    write(path, header, np.zeros(117))
+    assert '(351,)' in refusal(path)
+    write(path, header, np.zeros(351))
+    assert len(load_controller(path).controller().cells.state.weights) == 3
+
+
+@pytest.mark.parametrize('index', [0, 5, 116])
+@pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf])
+def test_first_theta_that_is_not_finite_is_named(path, header, index, value):
+    theta = THETA.copy()
+    theta[index] = theta[-1] = value
+    write(path, header, theta)
+    assert refusal(path) == f'theta[{index}]: got {value}, expected a finite number'
+
+
+def changed(header: dict, field: str, value) -> dict:
+    """Return a copy of `header` with `value` in `field`, such as 'solver.substeps'."""
+    name, _, rest = field.partition('.')
+    return {**header, name: changed(header.get(name, {}), rest, value) if rest else value}
+
+
+NOT_A_DICT = [None, True, 3, 'text', [], ['uniform']]
+NOT_A_SIZE = [None, 0, -1, 1.0, '1', True, [1], {}, 10**30]
+WRONG = {
+    'format_version': [None, '1', 1.0, True, [1], {}, 0, 2, -1, 10**30],
+    'architecture': NOT_A_DICT,
+    'architecture.uniform': [None, 1, 'true', [], {}],
+    'architecture.directional': [None, 0, 'false', [], {}],
+    'architecture.neuron_model': [None, 3, True, 'snn_h', '', ['mlp'], {}],
+    'architecture.n_c': [0, 65, 1.0, '1', True, [1], {}],
+    'architecture.hidden': [8, '8', {}, [0], [1025], ['8'], [8.0], [True], [[8]], [1] * 9],
+    'architecture.as_printed': [None, 0, 'no', [], {}],
+    'morphology': NOT_A_DICT,
+    'morphology.name': [None, 5, True, [], {}],
+    'morphology.grid': [None, 11, True, [], ['11'], {}, '', '00', '101', '11-1', '12', 'bipd'],
+    'terrain': [None, 5, True, [], {}, '', 'hily-1-10-0', 'hilly-1-10', 'uphill-61', 'flat\n'],
+    'material': NOT_A_DICT,
+    'solver': NOT_A_DICT,
+    'solver.substeps': [*NOT_A_SIZE, 101],
+    'solver.iterations': [*NOT_A_SIZE, 1001],
+    'solver.self_collision': [None, 0, 'no', [], {}],
+    'solver.physics': [None, 0, True, '', 'References', [], {}],
+    'fitness': [None, True, '1', [], {}, 10**400],
+    'seed': [None, True, 1.5, '0', [], {}, -1],
+    'evaluations': [None, True, 1.5, '0', [], {}, -1],
+    'versions': [None, True, 3, 'text', [], ['numpy']],
+    'chosen_by': [None, True, 3, '', 'Pymunk', [], {}],
+    'v_x': [None, 1.0, 'text', [], {'pymunk': '1'}, {'pymunk': None}, {'bullet': 1.0}],
+}
+SINCE_TWO_ENGINES = ('chosen_by', 'v_x')  # older files have none
+for _f in fields(Material):
+    WRONG[f'material.{_f.name}'] = [None, True, '1', [], {}, np.nan, np.inf, -1e-9, 1e9, 10**400]
+
+
+@pytest.mark.parametrize('field', WRONG)
+def test_wrong_value_is_named(path, header, field):
+    load_ok = changed(header, 'fitness', 1.0)
+    write(path, load_ok, THETA)
+    load_controller(path)
+    # A complaint about 'morphology.grid' may say 'morphology', one about 'solver.substeps' not.
+    words = field.split('.')[:1] if field == 'morphology.grid' else field.split('.')[-1:]
+    for value in WRONG[field]:
+        write(path, changed(header, field, value), THETA)
+        assert words[0] in refusal(path).split(': got ')[0], f'{field} = {value!r}'
+
+
+def test_every_field_has_its_wrong_values(header):
+    nested = ('architecture', 'morphology', 'material', 'solver')
+    names = {*header, *(f'{name}.{key}' for name in nested for key in header[name])}
+    assert names == set(WRONG)
+
+
+@pytest.mark.parametrize(
+    'field', [f for f in WRONG if '.' not in f and f not in SINCE_TWO_ENGINES]
+)
+def test_missing_field_is_named(path, header, field):
+    write(path, {name: value for name, value in header.items() if name != field}, THETA)
+    assert refusal(path).startswith(f'{field}: got None')
+
+
+@pytest.mark.parametrize(
+    'field',
+    ['morphology.name', 'morphology.grid', 'architecture.uniform', 'architecture.directional',
+     'architecture.neuron_model'],
+)
+def test_missing_inner_field_is_named(path, header, field):
+    outer, inner = field.split('.')
+    cut = {name: value for name, value in header[outer].items() if name != inner}
+    write(path, {**header, outer: cut}, THETA)
+    assert refusal(path).startswith(outer)
+
+
+@pytest.mark.parametrize('outer', ['', 'architecture', 'morphology', 'material', 'solver'])
+def test_unknown_field_is_named(path, header, outer):
+    write(path, changed(header, f'{outer}.extra'.lstrip('.'), 1), THETA)
+    text = refusal(path)
+    assert 'extra' in text
+    assert outer in text
+
+
+@pytest.mark.parametrize('entry', ['header', 'theta'])
+def test_missing_entry_is_named(path, header, entry):
+    entries = {'header': header, 'theta': THETA, entry: None}
+    write(path, **entries)
+    assert refusal(path).startswith(f"file: got 'no entry {entry}'")
+
+
+def test_empty_archive(path):
+    np.savez(path)
+    assert refusal(path).startswith("file: got 'no entry header'")
+
+
+@pytest.mark.parametrize(
+    'text', ['', '{', '[]', '3', 'null', '"x"', '{} {}', '\ufeff{}', '[' * 100_000, '9' * 5000]
+)
+def test_header_that_is_no_json_object(path, text):
+    write(path, np.array(text), THETA)
+    assert refusal(path).startswith('header: got ')
+
+
+@pytest.mark.parametrize('kind', ['bytes', 'list', 'number', 'record', 'empty'])
+def test_header_that_is_no_text(path, header, kind):
+    text = json.dumps(header)
+    arrays = {
+        'bytes': np.array(text.encode()),
+        'list': np.array([text]),
+        'number': np.array(3.0),
+        'record': np.array([(text, 1)], dtype=[('a', 'U2000'), ('b', 'i4')]),
+        'empty': np.empty((0, 3), dtype='U1'),
+    }
+    write(path, arrays[kind], THETA)
+    assert refusal(path).startswith('header: got ')
+
+
+@quick
+@given(field=st.sampled_from(sorted(WRONG)), value=json_values)
+def test_any_value_is_taken_or_refused_by_name(tmp_path_factory, header, field, value):
+    path = tmp_path_factory.mktemp('any') / 'any.npz'
+    write(path, changed(header, field, value), THETA)
+    try:
+        load_controller(path)
+    except InvalidInput as error:
+        complaint = str(error)
+    else:
+        complaint = f'{path}: '
+    assert complaint.startswith(f'{path}: ')
+
+
+@quick
+@given(header=json_values)
+def test_any_header_is_refused(tmp_path_factory, header):
+    path = tmp_path_factory.mktemp('any') / 'any.npz'
+    write(path, header if header is not None else 'null', THETA)
+    refusal(path)
+
+
+def test_near_misses_are_told(path, header):
+    for field, value, hint in [
+        ('architecture.neuron_model', 'snn_h', 'snn-h'),
+        ('terrain', 'hily-1-10-0', 'hilly'),
+        ('material.gravty', 1.0, 'gravity'),
+        ('architecture.neuron_modl', 'mlp', 'neuron_model'),
+        ('solver.iteration', 1, 'iterations'),
+    ]:
+        write(path, changed(header, field, value), THETA)
+        assert f"did you mean '{hint}'?" in refusal(path)
+
+
+def test_files_from_before_there_were_two_engines(path, header):
+    old = {key: value for key, value in header.items() if key not in SINCE_TWO_ENGINES}
+    write(path, old, THETA)
+    trained = load_controller(path)
+    assert (trained.chosen_by, trained.v_x) == ('pymunk', {})

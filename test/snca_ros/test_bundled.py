@@ -1,0 +1,97 @@
+"""The controllers in the box load, walk, and are those of the campaign that made them."""
+
+import csv
+import re
+
+import pytest
+from support.made_up_results import PAPER_TYPES, made_up_row, write_results
+from support.paths import ROOT
+
+from scripts import fill_box
+from sim_node.simulation import Simulation
+from snca_ros.bundled import DEFAULT_CONTROLLER, bundled_controllers, find_controller
+from snca_ros.controller_file import load_controller
+from snca_ros.evolution.config import RunConfig
+from snca_ros.evolution.episode import run_episode
+
+BOX, RESULTS = ROOT / 'config' / 'controllers', ROOT / 'results' / 'first-physics' / 'paper'
+NAMES = [path.stem for path in sorted(BOX.glob('*.npz'))]
+
+
+def test_default_is_in_the_box():
+    assert DEFAULT_CONTROLLER in NAMES
+    assert find_controller(DEFAULT_CONTROLLER) == BOX / f'{DEFAULT_CONTROLLER}.npz'
+    assert set(NAMES) <= set(bundled_controllers())
+
+
+def test_default_is_what_its_history_says():
+    trained = load_controller(BOX / f'{DEFAULT_CONTROLLER}.npz')
+    config = RunConfig.from_yaml(BOX / f'{DEFAULT_CONTROLLER}.yaml')
+    rows = list(csv.DictReader((BOX / f'{DEFAULT_CONTROLLER}.csv').open()))
+    assert trained.evaluations == config.evaluations == int(rows[-1]['evaluations'])
+    assert (trained.architecture, trained.seed) == (config.architecture, config.seed)
+    best = [float(row['best_so_far']) for row in rows]
+    assert best == sorted(best)
+    assert best[-1] > 0.9 * trained.fitness  # another engine chose it among the best
+
+
+def test_table_of_the_box_is_that_of_the_campaign():
+    runs = {row['run']: row for row in csv.DictReader((RESULTS / 'results.csv').open())}
+    table = re.findall(
+        r'^\| `(.+)` \| `(.+)` \| (.+) \| (.+) ± (.+) \|$', (BOX / 'README.md').read_text(), re.M
+    )
+    assert [name for name, *_ in table] == sorted(NAMES, key=[t[0] for t in table].index)
+    for name, run, *told in table:
+        original = RESULTS / 'controllers' / f'{run}.npz'
+        assert (BOX / f'{name}.npz').read_bytes() == original.read_bytes()
+        row = runs[run]
+        assert name == f'{row["shape"]}-{row["architecture"]}-{row["neuron_model"]}'
+        columns = 'v_x', 'v_x_starts_mean', 'v_x_starts_std'
+        assert told == [f'{float(row[column]):.2f}' for column in columns]
+        case = 'shape', 'architecture', 'neuron_model', 'as_printed'
+        rivals = [other for other in runs.values() if all(other[c] == row[c] for c in case)]
+        assert row == max(rivals, key=lambda other: float(other['v_x_starts_mean']))
+
+
+def test_the_box_is_filled_with_the_most_robust_controllers(tmp_path):
+    """What fills the box as soon as the runs in the physics of the reference are there."""
+    rows = [
+        made_up_row(shape, *of_type, seed, v_x_robust_mean=mean, v_x_robust_std=0.25,
+                    v_x_robust_unseen=3.0, v_x_pushed_mean=9.0 - mean)
+        for shape in ('biped', 'worm') for of_type in PAPER_TYPES
+        for seed, mean in enumerate((4.0, 6.0, 5.0))
+    ]
+    results, box, runs = (tmp_path / name for name in ('results', 'box', 'runs'))
+    write_results(results, [*rows, made_up_row('comb', 'U-nD', 'snn', v_x_robust_mean=99.0)])
+    for folder in (results / 'controllers', box, runs):
+        folder.mkdir()
+    for row in rows:
+        (results / 'controllers' / f'{row["run"]}-robust.npz').write_text(row['run'])
+        (runs / row['run']).mkdir()
+        for name in ('config.yaml', 'history.csv'):
+            (runs / row['run'] / name).write_text(f'{name} of {row["run"]}')
+    found = fill_box.champions(results)
+    fill_box.fill(runs, found, box)
+    names = [f'{shape}-{a}-{m}' for shape in ('biped', 'worm') for a, m in PAPER_TYPES]
+    assert {p.name for p in box.iterdir()} == {
+        *(f'{name}.npz' for name in names), 'README.md', f'{DEFAULT_CONTROLLER}.yaml',
+        f'{DEFAULT_CONTROLLER}.csv',
+    }
+    for name in names:
+        assert (box / f'{name}.npz').read_text() == f'{name}-flat-batched-reference-seed1'
+    assert (box / f'{DEFAULT_CONTROLLER}.yaml').read_text().startswith('config.yaml of biped-U-nD')
+    readme = (box / 'README.md').read_text()
+    assert readme == fill_box.readme(found)
+    table = re.findall(r'^\| `(.+)` \| `(.+)` \| 6.00 ± 0.25 \| 3.00 \|$', readme, re.M)
+    assert table == [(name, f'{name}-flat-batched-reference-seed1') for name in names]
+    assert f'\n`{DEFAULT_CONTROLLER}` is what' in readme
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_controller_walks(name):
+    trained = load_controller(BOX / f'{name}.npz')
+    simulation = Simulation(
+        trained.morphology, trained.terrain, material=trained.material, solver=trained.solver
+    )
+    # Another C library may end in another episode of the same gait: chaos, see the README.
+    assert run_episode(simulation, trained.controller()).velocity() > 1.0

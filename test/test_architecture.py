@@ -1,0 +1,227 @@
+"""Imports lead down, never up nor in a circle; the picture and the list of rooms are of today."""
+
+import re
+from dataclasses import replace
+
+import pytest
+from support.paths import ROOT
+
+from docs import draw_architecture
+from docs.draw_architecture import (
+    PAGE,
+    PICTURE,
+    ROOMS,
+    Module,
+    allowed,
+    arrows,
+    picture,
+    read_modules,
+    refreshed,
+)
+
+LONGEST, LONGEST_TEST = 300, 500
+MODULES = read_modules()
+
+# What the order forbids and stands all the same, each with its reason; none may stay here longer
+# than in the source.
+UP = {
+    ('snca_ros.completion', 'snca_ros.cli'): 'asks it for its commands',
+    ('snca_ros.graph.processes', 'snca_ros.cli'): 'asks it for the modules of nodes',
+    ('snca_ros.nodes.live_view', 'snca_ros.graph.description'): 'the live page belongs in graph/',
+    ('snca_ros.nodes.live_view', 'snca_ros.graph.processes'): 'the live page belongs in graph/',
+    ('snca_ros.nodes.live_view', 'snca_ros.web.page'): 'the live page belongs in graph/',
+    ('snca_ros.nodes.live_view', 'snca_ros.web.server'): 'the live page belongs in graph/',
+    ('snca_ros.recording.report', 'snca_ros.web.replay'): 'a command, which belongs in commands/',
+    ('snca_ros.evolution.history', 'snca_ros.recording.figures'):
+        'a command, which belongs in commands/',
+}
+CIRCLES = {
+    ('snca_ros.assessment.trials', 'snca_ros.assessment.fault_sweep'):
+        'a command, which belongs in commands/',
+}
+LONG = {
+    'snca_ros.comparison.figures': 'one line',
+    'sim_node.simulation': 'is also both engines',
+    'snca_ros.nodes.voxel': 'is also what joins, waits and repeats',
+}
+
+ROS = re.compile(
+    r'(rclpy|\w+_msgs|\w+_srvs|rcl_interfaces|builtin_interfaces|unique_identifier_msgs|rosidl\w*'
+    r'|tf2\w*|ament\w*|launch\w*)(\.|$)'
+)
+
+
+def up(modules: dict[str, Module]) -> set[tuple[str, str]]:
+    """Return the imports that the order of rooms does not allow, as pairs of modules."""
+    return {
+        pair for (room, other), pairs in arrows(modules).items() if other not in allowed(room)
+        for pair in pairs
+    }
+
+
+def circle(modules: dict[str, Module], ignored=()) -> list[str]:
+    """Return modules each of which imports the next, the last the first; or nothing."""
+    done: set[str] = set()
+
+    def search(name: str, way: list[str]) -> list[str]:
+        if name in way:
+            return way[way.index(name):]
+        if name not in done:
+            for other in modules[name].imports:
+                if other in modules and (name, other) not in ignored:
+                    found = search(other, [*way, name])
+                    if found:
+                        return found
+            done.add(name)
+        return []
+
+    return next(filter(None, (search(name, []) for name in modules)), [])
+
+
+def ros_without_saying_so(modules: dict[str, Module]) -> dict[str, list[str]]:
+    """Return the imports of ROS in modules whose docstring does not begin with (ROS)."""
+    return {
+        m.name: found for m in modules.values() if not m.docstring.startswith('(ROS)')
+        and (found := [name for name in m.imports if ROS.match(name)])
+    }
+
+
+def with_import(name: str, *imports: str) -> dict[str, Module]:
+    """Return the modules, one of which imports more."""
+    module = MODULES[name]
+    return {**MODULES, name: replace(module, imports=(*module.imports, *imports))}
+
+
+def test_every_module_lies_in_one_room():
+    homeless = [name for name, module in MODULES.items() if module.room is None]
+    assert homeless == [], 'add these to ROOMS in docs/draw_architecture.py'
+    listed = [name for room in ROOMS.values() for name in room.modules]
+    assert len(set(listed)) == len(listed)
+    assert {below for room in ROOMS.values() for below in room.below} <= set(ROOMS)
+
+
+def test_order_of_rooms_has_no_circle():
+    assert [name for name in ROOMS if name in allowed(name)] == []
+
+
+def test_arrows_lead_down():
+    assert up(MODULES) - set(UP) == set()
+
+
+def test_sim_node_knows_nothing_of_snca_ros():
+    assert {
+        (m.name, name) for m in MODULES.values() if m.name.split('.')[0] == 'sim_node'
+        for name in m.imports if name.split('.')[0] == 'snca_ros'
+    } == set()
+
+
+def test_no_circle():
+    assert circle(MODULES, CIRCLES) == []
+
+
+def test_ros_is_imported_only_where_the_docstring_says_so():
+    assert ros_without_saying_so(MODULES) == {}
+
+
+def test_modules_are_short():
+    long = {m.name for m in MODULES.values() if len(m.source.splitlines()) > LONGEST}
+    assert long - set(LONG) == set()
+    assert set(LONG) - long == set(), 'these are short now: take them out of LONG'
+
+
+def test_exceptions_are_those_of_the_source():
+    assert set(UP) - up(MODULES) == set(), 'these are no more: take them out of UP'
+    assert {a for a, b in CIRCLES if b not in MODULES[a].imports} == set()
+
+
+@pytest.mark.parametrize(('name', 'imported'), [
+    ('snca_ros.cell.cells', 'snca_ros.controller'),
+    ('snca_ros.recording.bag', 'snca_ros.comparison.page'),
+    ('snca_ros.evolution.evolve', 'sim_node.ros.delivery'),
+    ('sim_node.model.terrain', 'sim_node.munk2d.space'),
+    ('sim_node.batched.step', 'sim_node.munk2d.space'),
+    ('sim_node.errors', 'snca_ros.files'),
+])
+def test_an_arrow_that_turns_round_is_noticed(name, imported):
+    assert up(with_import(name, imported)) - up(MODULES) == {(name, imported)}
+
+
+def test_a_circle_is_noticed():
+    found = circle(with_import('sim_node.model.material', 'sim_node.model.body'), CIRCLES)
+    assert {'sim_node.model.material', 'sim_node.model.body'} <= set(found)
+
+
+@pytest.mark.parametrize('name', [
+    'rclpy', 'rclpy.node', 'std_msgs.msg', 'std_srvs.srv', 'rcl_interfaces.msg',
+])
+def test_ros_in_another_file_is_noticed(name):
+    assert ros_without_saying_so(with_import('snca_ros.files', name)) == {'snca_ros.files': [name]}
+
+
+def test_imports_are_read_wherever_they_stand(tmp_path):
+    """In functions too, of modules by name or out of their package; a version is none."""
+    files = {
+        'snca_ros/__init__.py': '', 'snca_ros/cli.py': 'from snca_ros import __version__, files',
+        'snca_ros/files.py': 'import json\ndef f():\n    from sim_node.errors import InvalidInput',
+        'sim_node/errors.py': '"""Errors.\n\nMore."""\nimport rclpy.node as n',
+    }
+    for name, text in files.items():
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+    modules = read_modules(tmp_path)
+    assert {name: module.imports for name, module in modules.items()} == {
+        'snca_ros': (), 'snca_ros.cli': ('snca_ros.files',),
+        'snca_ros.files': ('json', 'sim_node.errors'), 'sim_node.errors': ('rclpy.node',),
+    }
+    assert modules['sim_node.errors'].docstring == 'Errors.'
+    assert arrows(modules) == {
+        ('cli', 'files'): [('snca_ros.cli', 'snca_ros.files')],
+        ('files', 'errors'): [('snca_ros.files', 'sim_node.errors')],
+    }
+
+
+def test_picture_is_drawn_from_the_imports_of_today():
+    assert PICTURE.read_text() == picture(MODULES), 'make docs: architecture.svg is old'
+
+
+def test_list_of_rooms_is_of_today():
+    text = PAGE.read_text()
+    assert text == refreshed(text, MODULES), 'make docs: architecture.md is old'
+    for module in MODULES.values():
+        if module.name not in draw_architecture.PACKAGES:
+            assert module.docstring in text
+
+
+def test_picture_shows_each_room_each_arrow_once_and_what_is_forbidden():
+    forbidden = 'sim_node.model.terrain', 'sim_node.munk2d.space'
+    drawn = picture(with_import(*forbidden))
+    titles = re.findall(r'<title>(\w+) imports (\w+)(, against the order)?</title>', drawn)
+    assert ('model', 'munk2d', ', against the order') in titles
+    assert len(titles) == len(set(titles))
+    for a, b, wrong in titles:
+        assert (b in allowed(a)) == (not wrong)
+    names = re.findall(r'class="name".*?>(\w+)</text>', drawn)
+    assert names == [n for n in ROOMS if any(m.room == n for m in MODULES.values())]
+
+
+def test_every_folder_of_the_source_is_a_room():
+    folders = {p.parent.relative_to(ROOT) for p in ROOT.glob('s*_*/*/__init__.py')}
+    assert len(folders) > 10
+    assert {f'{".".join(folder.parts)}.*' for folder in folders} <= {
+        name for room in ROOMS.values() for name in room.modules
+    }
+
+
+def test_tests_lie_in_the_rooms_of_what_they_test_and_do_not_import_each_other():
+    test = ROOT / 'test'
+    other = re.compile(r'^ *(from|import) (conftest|test|test_\w+)\b', re.MULTILINE)
+    for path in test.rglob('*.py'):
+        text = path.read_text()
+        assert len(text.splitlines()) <= LONGEST_TEST, path
+        assert not other.search(text), path
+    for package in draw_architecture.PACKAGES:
+        for folder in (test / package).iterdir():
+            if folder.is_dir() and folder.name != '__pycache__':
+                name = f'{package}.{folder.name}'
+                assert name in MODULES, f'{folder} tests no room'
