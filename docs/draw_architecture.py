@@ -38,9 +38,7 @@ ROOMS = {
         'The ways in: the `snca` command, `python -m snca_ros`, `import snca_ros`.',
     ),
     'commands': Room(
-        ('snca_ros.commands.*', 'snca_ros.completion'),
-        ('graph', 'web', 'rendering', 'comparison'),
-        'The command lines of sub-commands.',
+        ('snca_ros.commands.*',), ('graph', 'web', 'rendering', 'comparison'),
     ),
     'api': Room(
         ('snca_ros.api.*',), ('graph', 'web', 'rendering', 'comparison'),
@@ -62,8 +60,8 @@ ROOMS = {
     ),
     'cell': Room(('snca_ros.cell.*',), ('files', 'model')),
     'files': Room(
-        ('snca_ros.files', 'snca_ros.progress', 'snca_ros.command_line'), ('errors',),
-        'Files written whole or not at all, progress of commands, errors of one line.',
+        ('snca_ros.files', 'snca_ros.figures', 'snca_ros.progress', 'snca_ros.command_line'),
+        ('errors',), 'Files written whole or not at all, progress of commands, errors of one line.',
     ),
     'ros': Room(('sim_node.ros.*',), ('simulation',)),
     'simulation': Room(

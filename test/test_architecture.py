@@ -24,26 +24,9 @@ MODULES = read_modules()
 
 # What the order forbids and stands all the same, each with its reason; none may stay here longer
 # than in the source.
-UP = {
-    ('snca_ros.completion', 'snca_ros.cli'): 'asks it for its commands',
-    ('snca_ros.graph.processes', 'snca_ros.cli'): 'asks it for the modules of nodes',
-    ('snca_ros.nodes.live_view', 'snca_ros.graph.description'): 'the live page belongs in graph/',
-    ('snca_ros.nodes.live_view', 'snca_ros.graph.processes'): 'the live page belongs in graph/',
-    ('snca_ros.nodes.live_view', 'snca_ros.web.page'): 'the live page belongs in graph/',
-    ('snca_ros.nodes.live_view', 'snca_ros.web.server'): 'the live page belongs in graph/',
-    ('snca_ros.recording.report', 'snca_ros.web.replay'): 'a command, which belongs in commands/',
-    ('snca_ros.evolution.history', 'snca_ros.recording.figures'):
-        'a command, which belongs in commands/',
-}
-CIRCLES = {
-    ('snca_ros.assessment.trials', 'snca_ros.assessment.fault_sweep'):
-        'a command, which belongs in commands/',
-}
-LONG = {
-    'snca_ros.comparison.figures': 'one line',
-    'sim_node.simulation': 'is also both engines',
-    'snca_ros.nodes.voxel': 'is also what joins, waits and repeats',
-}
+UP: dict[tuple[str, str], str] = {}
+CIRCLES: dict[tuple[str, str], str] = {}
+LONG: dict[str, str] = {}
 
 ROS = re.compile(
     r'(rclpy|\w+_msgs|\w+_srvs|rcl_interfaces|builtin_interfaces|unique_identifier_msgs|rosidl\w*'

@@ -1,4 +1,4 @@
-"""(ROS) The `policy` command: who of a robot may say and hear what, as SROS 2 reads it."""
+"""(ROS) The `policy` command: prints the SROS 2 policy of a robot."""
 
 import argparse
 import sys

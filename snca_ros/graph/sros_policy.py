@@ -1,4 +1,4 @@
-"""(ROS) Who of a robot may say and hear what, as SROS 2 reads it."""
+"""(ROS) The SROS 2 policy of a robot: which node may publish, subscribe and serve what."""
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass

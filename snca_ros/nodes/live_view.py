@@ -1,4 +1,4 @@
-"""(ROS) What the live page is told: the node of `walk --view` listens, a server streams."""
+"""(ROS) The node of `walk --view`: listens to a whole robot and passes on what the page shows."""
 
 from collections.abc import Callable
 from functools import partial

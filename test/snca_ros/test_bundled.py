@@ -14,7 +14,7 @@ from snca_ros.controller_file import load_controller
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.episode import run_episode
 
-BOX, RESULTS = ROOT / 'config' / 'controllers', ROOT / 'results' / 'first-physics' / 'paper'
+BOX, RESULTS = ROOT / 'config' / 'controllers', ROOT / 'results' / 'paper'
 NAMES = [path.stem for path in sorted(BOX.glob('*.npz'))]
 
 
@@ -32,29 +32,26 @@ def test_default_is_what_its_history_says():
     assert (trained.architecture, trained.seed) == (config.architecture, config.seed)
     best = [float(row['best_so_far']) for row in rows]
     assert best == sorted(best)
-    assert best[-1] > 0.9 * trained.fitness  # another engine chose it among the best
+    assert best[-1] >= trained.fitness  # the robust controller is not always the evolution's best
 
 
 def test_table_of_the_box_is_that_of_the_campaign():
+    """Of runs that are in the results now; later seeds may have more robust controllers."""
     runs = {row['run']: row for row in csv.DictReader((RESULTS / 'results.csv').open())}
     table = re.findall(
-        r'^\| `(.+)` \| `(.+)` \| (.+) \| (.+) ± (.+) \|$', (BOX / 'README.md').read_text(), re.M
+        r'^\| `(.+)` \| `(.+)` \| (.+) ± (.+) \| (.+) \|$', (BOX / 'README.md').read_text(), re.M
     )
     assert [name for name, *_ in table] == sorted(NAMES, key=[t[0] for t in table].index)
-    for name, run, *told in table:
-        original = RESULTS / 'controllers' / f'{run}.npz'
+    for name, run, *shown in table:
+        original = RESULTS / 'controllers' / f'{run}-robust.npz'
         assert (BOX / f'{name}.npz').read_bytes() == original.read_bytes()
         row = runs[run]
         assert name == f'{row["shape"]}-{row["architecture"]}-{row["neuron_model"]}'
-        columns = 'v_x', 'v_x_starts_mean', 'v_x_starts_std'
-        assert told == [f'{float(row[column]):.2f}' for column in columns]
-        case = 'shape', 'architecture', 'neuron_model', 'as_printed'
-        rivals = [other for other in runs.values() if all(other[c] == row[c] for c in case)]
-        assert row == max(rivals, key=lambda other: float(other['v_x_starts_mean']))
+        columns = 'v_x_robust_mean', 'v_x_robust_std', 'v_x_robust_unseen'
+        assert shown == [f'{float(row[column]):.2f}' for column in columns]
 
 
 def test_the_box_is_filled_with_the_most_robust_controllers(tmp_path):
-    """What fills the box as soon as the runs in the physics of the reference are there."""
     rows = [
         made_up_row(shape, *of_type, seed, v_x_robust_mean=mean, v_x_robust_std=0.25,
                     v_x_robust_unseen=3.0, v_x_pushed_mean=9.0 - mean)
