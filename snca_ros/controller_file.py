@@ -9,11 +9,11 @@ import subprocess
 from dataclasses import asdict, dataclass, field
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sim_node.engine import ENGINES
+from sim_node.engine import DEFAULT_ENGINE, ENGINES
 from sim_node.errors import InvalidInput, check_keys, check_name
 from sim_node.model.body_file import FORMAT_VERSION, body_of, check_version, field_of, read_archive
 from sim_node.model.material import Material
@@ -22,8 +22,11 @@ from sim_node.model.solver import Solver
 from snca_ros import __version__
 from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller
-from snca_ros.faults import Faults
+from snca_ros.faults import NO_FAULTS, Faults
 from snca_ros.files import write_atomically
+
+if TYPE_CHECKING:
+    from sim_node.simulation import Simulation
 
 _GIT_LIMIT = 30.0  # s
 _FIELDS = (
@@ -32,7 +35,7 @@ _FIELDS = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class TrainedController:
     """What a controller file holds.
 
@@ -62,9 +65,42 @@ class TrainedController:
     chosen_by: str = 'pymunk'
     v_x: dict[str, float] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        cell = self.architecture
+        return (
+            f'TrainedController({self.morphology.name}, {self.morphology.n_voxels} voxels, '
+            f'{cell.name} {cell.neuron_model}, {len(self.theta)} parameters, evolved on '
+            f'{self.terrain} to v_x {self.fitness:.3f} m/s)'
+        )
+
     def controller(self, faults: Faults | None = None) -> Controller:
         """Return all cells, ready to step."""
         return Controller(self.architecture, self.morphology, self.theta, faults)
+
+    def simulation(
+        self,
+        terrain: str = '',
+        engine: str = DEFAULT_ENGINE,
+        push: int = 0,
+        faults: Faults = NO_FAULTS,
+    ) -> 'Simulation':
+        """Return the simulation of the body that the cells were evolved for, at its start.
+
+        Args:
+            terrain: name of the ground; '' for the one that the cells were evolved on.
+            engine: one of `sim_node.engine.ENGINES`.
+            push: 0, or the number of a pushed start, see `Simulation`.
+            faults: what goes wrong; those of the cells are given to `controller`.
+
+        Raises:
+            InvalidInput: a value is off.
+        """
+        from sim_node.simulation import Simulation  # not in voxel nodes: it loads pymunk
+
+        return Simulation(
+            self.morphology, terrain or self.terrain, material=self.material, solver=self.solver,
+            engine=engine, push=push, **faults.of_body,
+        )
 
 
 _CODE = 'sim_node', 'snca_ros'  # what of a checkout decides an episode's result

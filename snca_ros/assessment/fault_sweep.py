@@ -2,13 +2,12 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import product
+from dataclasses import dataclass
 
 import numpy as np
 
 from sim_node.errors import InvalidInput
-from snca_ros.assessment.trials import Trial, summary
+from snca_ros.assessment.trials import Trial, all_trials, summary
 from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import EPISODE
 from snca_ros.faults import Faults, parse_faults
@@ -30,12 +29,14 @@ class Sweep:
         label: the same with x instead of the range.
         values: what x is.
         faults: for each value.
+        texts: of the faults, for each value.
     """
 
     text: str
     label: str
     values: tuple[float, ...]
     faults: tuple[Faults, ...]
+    texts: tuple[str, ...]
 
 
 def parse_sweep(text: str) -> Sweep:
@@ -61,8 +62,9 @@ def parse_sweep(text: str) -> Sweep:
         raise InvalidInput('faults', found[0], f'up to {_MAX_VALUES} values, FROM below TO')
     n = 1 + int((last - first) / step + 1e-9)
     numbers = [f'{first + i * step:.9g}' for i in range(n)]
-    faults = tuple(parse_faults(f'{before}{number}{after}') for number in numbers)
-    return Sweep(text, f'{before}x{after}', tuple(map(float, numbers)), faults)
+    texts = tuple(f'{before}{number}{after}' for number in numbers)
+    faults = tuple(map(parse_faults, texts))
+    return Sweep(text, f'{before}x{after}', tuple(map(float, numbers)), faults, texts)
 
 
 def sweep_trials(
@@ -73,16 +75,8 @@ def sweep_trials(
     n_starts: int,
     duration: float = EPISODE,
 ) -> list[Trial]:
-    """Return the episodes of a sweep, by controller, value, start and terrain.
-
-    Start s draws its faults from the seed that the sweep names plus s.
-    """
-    return [
-        Trial(one, terrain, engine, start, replace(faults, seed=faults.seed + start), duration)
-        for one, faults, start, terrain in product(
-            trained, sweep.faults, range(n_starts), terrains
-        )
-    ]
+    """Return the episodes of a sweep, by controller, value, start and terrain."""
+    return all_trials(trained, sweep.faults, terrains, engine, n_starts, duration)
 
 
 def table(names: Sequence[str], sweep: Sweep, scores: np.ndarray) -> list[str]:

@@ -3,7 +3,8 @@
 import csv
 import io
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from sim_node.errors import InvalidInput
 from sim_node.numerics.jit import warm_up
 from sim_node.simulation import Simulation
 from snca_ros.controller_file import TrainedController
-from snca_ros.evolution.episode import EPISODE, TRANSIENT, run_episode
+from snca_ros.evolution.episode import EPISODE, LONGEST, TRANSIENT, run_episode
 from snca_ros.evolution.workers import Workers
 from snca_ros.faults import NO_FAULTS, Faults
 from snca_ros.files import write_text
@@ -53,11 +54,7 @@ class Trial:
 
     def simulation(self) -> Simulation:
         """Return the robot, put down."""
-        trained = self.trained
-        return Simulation(
-            trained.morphology, self.terrain, material=trained.material, solver=trained.solver,
-            engine=self.engine, push=self.start, **self.faults.of_body,
-        )
+        return self.trained.simulation(self.terrain, self.engine, self.start, self.faults)
 
 
 def score(trial: Trial) -> float:
@@ -71,6 +68,33 @@ def score(trial: Trial) -> float:
 def run_trials(workers: Workers, trials: Sequence[Trial]) -> np.ndarray:
     """Return v_x [m/s] of each trial, whatever the workers."""
     return np.array(list(workers.executor.map(score, trials)))
+
+
+def all_trials(
+    trained: Sequence[TrainedController],
+    faults: Sequence[Faults],
+    terrains: Sequence[str],
+    engine: str,
+    n_starts: int,
+    duration: float = EPISODE,
+) -> list[Trial]:
+    """Return the episodes of all combinations, by controller, faults, start and terrain.
+
+    Start s draws its faults from their seed plus s.
+    """
+    return [
+        Trial(one, terrain, engine, start, replace(wrong, seed=wrong.seed + start), duration)
+        for one, wrong, start, terrain in product(trained, faults, range(n_starts), terrains)
+    ]
+
+
+def check_trials(starts: int, duration: float) -> None:
+    """Raise InvalidInput if pushed starts or the seconds of an episode are out of range."""
+    if isinstance(starts, bool) or not isinstance(starts, int) or not 0 <= starts <= 10_000:
+        raise InvalidInput('starts', starts, 'an integer from 0 to 10000')
+    if not isinstance(duration, (int, float)) or not TRANSIENT < duration <= LONGEST:
+        expected = f'a time above {TRANSIENT:g} s, up to {LONGEST:g} s'
+        raise InvalidInput('duration', duration, expected)
 
 
 def means_of_kinds(kinds: dict[str, tuple[str, ...]], v_x: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ from snca_ros.assessment.trials import (
     FAULTY_STARTS,
     MEAN,
     Trial,
+    check_trials,
     means_of_kinds,
     run_trials,
     table,
@@ -26,7 +27,7 @@ from snca_ros.assessment.trials import (
 from snca_ros.bundled import find_controller
 from snca_ros.commands.worker_options import add_worker_arguments, open_workers
 from snca_ros.controller_file import TrainedController, load_controller
-from snca_ros.evolution.episode import EPISODE, LONGEST, TRANSIENT
+from snca_ros.evolution.episode import EPISODE
 from snca_ros.evolution.workers import Workers
 from snca_ros.files import check_writable
 
@@ -72,11 +73,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     opened = open_workers(args, parser)
     if args.starts is None:
         args.starts = FAULTY_STARTS if args.faults else 0
-    if not 0 <= args.starts <= 10_000:
-        raise InvalidInput('starts', args.starts, 'an integer from 0 to 10000')
-    if not TRANSIENT < args.duration <= LONGEST:
-        expected = f'a time above {TRANSIENT:g} s, up to {LONGEST:g} s'
-        raise InvalidInput('duration', args.duration, expected)
+    check_trials(args.starts, args.duration)
     if args.figure:
         check_figure(args.figure)
     if args.csv:

@@ -12,8 +12,7 @@ import numpy as np
 from sim_node.engine import ENGINES
 from sim_node.model.morphology import SHAPES
 from sim_node.model.physics import DEFAULT_PHYSICS, PHYSICS
-from sim_node.model.solver import Solver
-from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS, Architecture
+from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS
 from snca_ros.command_line import INTERRUPTED
 from snca_ros.commands.worker_options import add_worker_arguments, open_workers
 from snca_ros.evolution.checkpoint import Progress, RunFolder
@@ -97,16 +96,11 @@ def _given(args: argparse.Namespace, names: tuple[str, ...]) -> dict:
 
 
 def _new_config(args: argparse.Namespace) -> RunConfig:
-    cell = _given(args, _OF_THE_CELL)
-    if 'hidden' in cell:
-        cell['hidden'] = _hidden_layers(cell['hidden'])
-    architecture = Architecture.named(
-        args.architecture or 'U-nD', args.neuron_model or 'snn-h', **cell
-    )
-    return RunConfig(
-        args.shape or 'biped', architecture,
-        solver=Solver(**_given(args, _OF_THE_SOLVER)), **_given(args, _OF_THE_RUN),
-    )
+    named = ('shape', 'architecture', 'neuron_model')
+    given = _given(args, (*named, *_OF_THE_CELL, *_OF_THE_RUN, *_OF_THE_SOLVER))
+    if 'hidden' in given:
+        given['hidden'] = _hidden_layers(given['hidden'])
+    return RunConfig.named(**given)
 
 
 def _hidden_layers(text: str) -> tuple:

@@ -15,7 +15,6 @@ from sim_node.engine import DEFAULT_ENGINE, ENGINES
 from sim_node.errors import InvalidInput, check_name
 from sim_node.model.morphology import parse_morphology
 from sim_node.ros import security
-from sim_node.simulation import Simulation
 from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
 from snca_ros.command_line import INTERRUPTED
 from snca_ros.commands.report import print_report
@@ -132,10 +131,7 @@ def _check_shape(path: Path, trained: TrainedController, shape: str | None) -> N
 def _offline_centers(
     trained: TrainedController, terrain: str, engine: str, duration: float, faults: Faults
 ) -> np.ndarray:
-    simulation = Simulation(
-        trained.morphology, terrain,
-        material=trained.material, solver=trained.solver, engine=engine, **faults.of_body,
-    )
+    simulation = trained.simulation(terrain, engine, faults=faults)
     controller = trained.controller(faults)
     print('offline first, to compare with', file=sys.stderr, flush=True)
     return run_episode(simulation, controller, duration).centers

@@ -246,9 +246,15 @@ class RunFolder:
         for generation, evaluations, *scores in progress.history:
             writer.writerow([int(generation), int(evaluations), *map(repr, scores)])
         write_text(self.path / 'history.csv', text.getvalue())
+        trained = self.best(progress)
+        if not (mend and _holds(self.path / 'best.npz', trained)):
+            save_controller(self.path / 'best.npz', trained)
+
+    def best(self, progress: Progress) -> TrainedController:
+        """Return what best.npz holds when the run stands at `progress`."""
         config = self.config
         best, chosen_by, v_x = progress.chosen(config)
-        trained = TrainedController(
+        return TrainedController(
             architecture=config.architecture,
             morphology=parse_morphology(config.shape),
             theta=progress.strategy['individuals'][best],
@@ -261,8 +267,6 @@ class RunFolder:
             chosen_by=chosen_by,
             v_x=v_x,
         )
-        if not (mend and _holds(self.path / 'best.npz', trained)):
-            save_controller(self.path / 'best.npz', trained)
 
     def close(self) -> None:
         """Let another process have the folder."""

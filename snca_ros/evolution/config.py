@@ -10,7 +10,7 @@ from sim_node.engine import DEFAULT_ENGINE, ENGINES, check_engine
 from sim_node.errors import InvalidInput, check_keys
 from sim_node.model.material import Material
 from sim_node.model.morphology import parse_morphology
-from sim_node.model.physics import UNNAMED_PHYSICS
+from sim_node.model.physics import DEFAULT_PHYSICS, UNNAMED_PHYSICS
 from sim_node.model.solver import Solver
 from sim_node.model.terrain import parse_terrain
 from sim_node.simulation import Simulation
@@ -126,6 +126,31 @@ class RunConfig:
         """Return the text of config.yaml."""
         values = {**asdict(self), 'architecture': self.architecture.to_dict()}
         return yaml.safe_dump(values, sort_keys=False)
+
+    @classmethod
+    def named(
+        cls,
+        shape: str = 'biped',
+        architecture: str = 'U-nD',
+        neuron_model: str = 'snn-h',
+        *,
+        physics: str = DEFAULT_PHYSICS,
+        n_c: int | None = None,
+        hidden: tuple[int, ...] | None = None,
+        as_printed: bool = False,
+        **settings: Any,
+    ) -> 'RunConfig':
+        """Return the run of cells and a physics that are given by name.
+
+        Args:
+            shape, settings: as of `RunConfig`.
+            architecture, neuron_model, n_c, hidden, as_printed: as of `Architecture.named`.
+            physics: one of `sim_node.model.physics.PHYSICS`.
+        """
+        cell = Architecture.named(
+            architecture, neuron_model, n_c=n_c, hidden=hidden, as_printed=as_printed
+        )
+        return cls(shape, cell, solver=Solver(physics=physics), **settings)
 
     @classmethod
     def from_yaml(cls, path: Path) -> 'RunConfig':

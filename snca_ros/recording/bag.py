@@ -1,8 +1,7 @@
-"""What a recorded walk was, as arrays over control steps: `read_bag` gives a `Recording`."""
+"""Reads bags: `read_bag` gives a `Recording`."""
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,98 +9,14 @@ import numpy as np
 
 from sim_node.episode import UNKNOWN_PHYSICS, physics_of_episode
 from sim_node.errors import InvalidInput
-from sim_node.model.physics import UNNAMED_PHYSICS
 from sim_node.model.sensors import N_SENSORS
 from snca_ros.recording.diagnostics import NodeHealth, read_health
-from snca_ros.recording.poses import Poses, read_poses
+from snca_ros.recording.poses import read_poses
+from snca_ros.recording.recording import Recording, TopicCount
 from snca_ros.recording.storage import Topic, read_storage
 from snca_ros.recording.streams import KINDS, Stream, decode
 
 _VOXEL_TOPIC = re.compile(r'/(voxel_\d+_\d+)/(sensors|actuation|spikes|values)')
-
-
-@dataclass(frozen=True, eq=False)
-class TopicCount:
-    """How many messages of a topic arrived.
-
-    Attributes:
-        topic: its full name.
-        received: messages in the bag; of a stamped topic, control steps of the episode.
-        missing: control steps that were sent and are not in the bag; None if the topic carries
-            no control step, so that nobody can tell.
-        refused: messages of the bag that are not what this topic carries, or are stamped later
-            than the robot went; they are in no array.
-    """
-
-    topic: str
-    received: int
-    missing: np.ndarray | None = None
-    refused: int = 0
-
-    @property
-    def kind(self) -> str:
-        """Return the last part of the topic's name: sensors, spikes, odometry, ..."""
-        return self.topic.rpartition('/')[2]
-
-    @property
-    def lost(self) -> int:
-        """Return how many messages are missing, as far as one can tell."""
-        return 0 if self.missing is None else len(self.missing)
-
-    @property
-    def sent(self) -> int:
-        """Return how many messages were sent, as far as one can tell."""
-        return self.received + self.lost
-
-
-@dataclass(frozen=True, eq=False)
-class Recording:
-    """One episode of a bag. Row k of an array is control step k; numbers not in it are NaN.
-
-    Attributes:
-        path: the bag.
-        closed: whether the recorder had finished the bag; False after a kill.
-        robot: its namespace, without the leading slash.
-        episode, n_episodes: which one this is, from 0, of how many; a reset starts a new one.
-        voxel_names: in the morphology's order, row by row from the bottom.
-        centers: (n_steps, 2) centre of mass x, y [m].
-        readings: (n_steps, n_voxels, 4) in [0, 1].
-        actuation: (n_steps, n_voxels) in [-1, 1].
-        spikes: (n_steps, n_voxels, n_channels, 16) uint8 0 or 1; None if the cells send none.
-        values: (n_steps, n_voxels, n_channels) in [-1, 1]; None if the cells send none.
-        heard: (n_steps, n_voxels) whether the spikes or values are in the bag; spikes that are
-            not are 0.
-        rate: control steps per second of wall time; NaN if the bag does not tell.
-        counts: one per topic, sorted by name; a topic that should be there and is not has lost
-            everything.
-        health: what each node said of itself, by its name; of all episodes.
-        poses: what the robot looked like; None if the bag has no markers.
-        physics: by which the body moved, one of `sim_node.model.physics.PHYSICS`, or
-            `sim_node.episode.UNKNOWN_PHYSICS`.
-    """
-
-    path: Path
-    closed: bool
-    robot: str
-    episode: int
-    n_episodes: int
-    voxel_names: tuple[str, ...]
-    centers: np.ndarray
-    readings: np.ndarray
-    actuation: np.ndarray
-    spikes: np.ndarray | None
-    values: np.ndarray | None
-    heard: np.ndarray
-    rate: float
-    counts: tuple[TopicCount, ...]
-    health: dict[str, NodeHealth]
-    poses: Poses | None = None
-    physics: str = UNNAMED_PHYSICS
-
-    @property
-    def n_steps(self) -> int:
-        """Return the number of control steps, the last one's number plus one."""
-        return len(self.centers)
 
 
 def read_bag(path: Path | str, episode: int = -1) -> Recording:

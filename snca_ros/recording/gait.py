@@ -1,19 +1,40 @@
 """How a robot walked: velocity, rhythm and firing rates of a recording."""
 
+import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from sim_node.control_time import CONTROL_RATE
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.evolution.episode import TRANSIENT, mean_velocity
-from snca_ros.recording.bag import Recording
 
 VIBRATION = 8.0
 """Frequency [Hz] above which actuation counts as vibration: a voxel contracts and expands again in
 less than 7.5 control steps."""
 
 _AREA_LOW, _AREA_HIGH = 0.5, 1.5  # range of the area reading's soft normalisation
+
+
+class Walk(Protocol):
+    """What a gait is measured on: a `Recording` of a bag, or a `RecordedEpisode`."""
+
+    @property
+    def centers(self) -> np.ndarray:
+        """Return the centre of mass x, y [m] at each control step, (n, 2)."""
+
+    @property
+    def actuation(self) -> np.ndarray:
+        """Return the actuation, (n_steps, n_voxels)."""
+
+    @property
+    def spikes(self) -> np.ndarray | None:
+        """Return the spikes, (n_steps, n_voxels, n_channels, 16); None if the cells send none."""
+
+    @property
+    def heard(self) -> np.ndarray:
+        """Return which spikes are known, (n_steps, n_voxels)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,18 +59,38 @@ class Gait:
     frequency: float
 
 
-def measure_gait(recording: Recording) -> Gait:
-    """Return the gait of `recording`."""
-    x = recording.centers[:, 0]
-    known = np.flatnonzero(np.isfinite(x))
-    first, last = int(known[0]), int(known[-1])
+def walked_velocity(x: np.ndarray, transient: float = TRANSIENT) -> float:
+    """Return the mean v_x [m/s] after `transient` seconds; of the whole walk if it is shorter.
+
+    Args:
+        x: (n,) place of the centre [m], one per control step from step 0; gaps (NaN) are bridged.
+
+    Returns:
+        NaN if no place is known.
+    """
+    if not np.isfinite(x).any():
+        return math.nan
+    first, last = _ends(x)
     walked = bridge_gaps(x[first : last + 1])
+    return mean_velocity(walked, max(0.0, transient - first / CONTROL_RATE))
+
+
+def _ends(x: np.ndarray) -> tuple[int, int]:
+    """Return the first and the last control step at which `x` is known."""
+    known = np.flatnonzero(np.isfinite(x))
+    return int(known[0]), int(known[-1])
+
+
+def measure_gait(recording: Walk) -> Gait:
+    """Return the gait of a recorded walk."""
+    x = recording.centers[:, 0]
+    first, last = _ends(x)
     steady = steady_part(recording.actuation)
     rates = None
     if recording.spikes is not None:
         rates = firing_rates(recording.spikes, recording.heard)
     return Gait(
-        velocity=mean_velocity(walked, max(0.0, TRANSIENT - first / CONTROL_RATE)),
+        velocity=walked_velocity(x),
         distance=float(x[last] - x[first]),
         duration=(last - first) / CONTROL_RATE,
         firing_rates=rates,

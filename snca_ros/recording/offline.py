@@ -12,9 +12,11 @@ from sim_node.simulation import Diverged, Simulation
 from snca_ros.cell.snn import THETA_0
 from snca_ros.controller import Controller
 from snca_ros.controller_file import TrainedController
-from snca_ros.faults import Faults
-from snca_ros.recording.bag import Recording
+from snca_ros.evolution.episode import run_episode
+from snca_ros.faults import NO_FAULTS, Faults
+from snca_ros.recording.episode import RECORDABLE, RecordedEpisode
 from snca_ros.recording.poses import Poses
+from snca_ros.recording.recording import Recording
 
 
 def record_offline(
@@ -40,45 +42,114 @@ def record_offline(
     Raises:
         InvalidInput: the terrain is unknown, or the physics diverges with this controller.
     """
-    faults = faults or Faults()
-    simulation = Simulation(
-        trained.morphology, terrain or trained.terrain, material=trained.material,
-        solver=trained.solver, **faults.of_body,
-    )
-    controller = trained.controller(faults)
-    n_steps, n_voxels = round(duration * CONTROL_RATE), trained.morphology.n_voxels
-    architecture = trained.architecture
-    messages = np.zeros((
-        n_steps + 1, n_voxels, architecture.n_destinations * architecture.n_c,
-        architecture.message_width,
-    ))
-    centers, corners = np.empty((n_steps + 1, 2)), np.empty((n_steps + 1, n_voxels, 4, 2))
-    readings = np.full((n_steps + 1, n_voxels, N_SENSORS), np.nan)
-    actuation, thresholds = np.full((2, n_steps + 1, n_voxels), np.nan)
-    now = simulation.reset()
-    centers[0], corners[0] = simulation.center, simulation.world.corners
-    for k in range(n_steps):
-        readings[k], actuation[k] = now, controller.step(now)
-        messages[k] = controller.cells.outbox.reshape(messages.shape[1:])
-        thresholds[k] = mean_thresholds(controller)
-        try:
-            now = simulation.step(actuation[k])
-        except Diverged as error:
-            raise InvalidInput('controller', str(error), 'a walk that stays finite') from None
-        centers[k + 1], corners[k + 1] = simulation.center, simulation.world.corners
+    simulation = trained.simulation(terrain, faults=faults or NO_FAULTS)
+    episode = record_episode(simulation, trained.controller(faults), duration)
+    if episode.diverged:
+        shown = f'{trained.morphology.name}: not finite at step {len(episode.centers)}'
+        raise InvalidInput('controller', shown, 'a walk that stays finite')
+    actuation, readings = _longer(episode.actuation, np.nan), episode.readings.copy()
+    readings[-1] = np.nan  # no cell reads them
+    steps = np.arange(len(episode.centers))
     ground = np.column_stack([simulation.terrain.x, simulation.terrain.y])
-    spiking = architecture.spiking
+    spikes, values, thresholds = episode.spikes, episode.values, episode.thresholds
     recording = Recording(
         path=path, closed=True, robot=trained.morphology.name, episode=0, n_episodes=1,
-        voxel_names=trained.morphology.voxel_names, centers=centers, readings=readings,
+        voxel_names=episode.voxel_names, centers=episode.centers, readings=readings,
         actuation=actuation,
-        spikes=messages.astype(np.uint8) if spiking else None,
-        values=None if spiking else messages[..., 0],
-        heard=np.broadcast_to(np.arange(n_steps + 1)[:, None] < n_steps, actuation.shape),
+        spikes=None if spikes is None else _longer(spikes, 0),
+        values=None if values is None else _longer(values, 0.0),
+        heard=_longer(episode.heard, False),
         rate=math.nan, counts=(), health={},
-        poses=Poses(np.arange(n_steps + 1), corners, ground), physics=trained.solver.physics,
+        poses=Poses(steps, episode.corners, ground), physics=trained.solver.physics,
     )
-    return recording, thresholds if spiking else None
+    return recording, None if thresholds is None else _longer(thresholds, np.nan)
+
+
+def _longer(array: np.ndarray, value: float) -> np.ndarray:
+    """Return an array with one row more, for the last control step, at which no cell steps."""
+    return np.concatenate([array, np.full_like(array[:1], value)])
+
+
+def record_episode(
+    simulation: Simulation,
+    controller: Controller,
+    duration: float,
+    record: tuple[str, ...] = RECORDABLE,
+    name: str = '',
+) -> RecordedEpisode:
+    """Let `controller` walk `simulation`'s robot from its start, and record it.
+
+    The walk is that of `run_episode`, to the bit.
+
+    Args:
+        simulation: of the robot.
+        controller: all its cells.
+        duration: of the episode [s].
+        record: names of `RECORDABLE`; without any it takes less time.
+        name: of the robot.
+    """
+    if record:
+        centers, arrays, diverged = _recorded(
+            simulation, controller, round(duration * CONTROL_RATE), record
+        )
+    else:
+        episode = run_episode(simulation, controller, duration)
+        centers, arrays, diverged = episode.centers, {}, episode.diverged
+    names = simulation.morphology.voxel_names
+    return RecordedEpisode(
+        centers, diverged, name or simulation.morphology.name, names,
+        {key: arrays.get(key) for key in record},
+    )
+
+
+def _recorded(
+    simulation: Simulation, controller: Controller, n_steps: int, record: tuple[str, ...]
+) -> tuple[np.ndarray, dict[str, np.ndarray], bool]:
+    """Return the centres, the arrays that are asked for and exist, and whether it diverged."""
+    cell, n_voxels = controller.architecture, simulation.morphology.n_voxels
+    channels = cell.n_destinations * cell.n_c
+    shapes: dict[str, tuple] = {  # of a row, and its type
+        'readings': ((n_voxels, N_SENSORS), np.float64),
+        'corners': ((n_voxels, 4, 2), np.float64),
+        'actuation': ((n_voxels,), np.float64),
+    }
+    if cell.spiking:
+        shapes['spikes'] = (n_voxels, channels, cell.message_width), np.uint8
+        shapes['thresholds'] = (n_voxels,), np.float64
+    else:
+        shapes['values'] = (n_voxels, channels), np.float64
+    n_rows = {'readings': n_steps + 1, 'corners': n_steps + 1}
+    arrays = {
+        name: np.empty((n_rows.get(name, n_steps), *shape), kind)
+        for name, (shape, kind) in shapes.items() if name in record
+    }
+    centers, done = np.empty((n_steps + 1, 2)), n_steps
+
+    def keep(name: str, k: int, row: np.ndarray) -> None:
+        if name in arrays:
+            arrays[name][k] = row.reshape(arrays[name].shape[1:])
+
+    now = simulation.reset()
+    controller.reset()
+    for k in range(n_steps + 1):
+        centers[k] = simulation.center
+        keep('readings', k, now)
+        keep('corners', k, simulation.world.corners)
+        if k == n_steps:
+            break
+        actuation = controller.step(now)
+        keep('actuation', k, actuation)
+        keep('spikes' if cell.spiking else 'values', k, controller.cells.outbox)
+        if 'thresholds' in arrays:
+            keep('thresholds', k, mean_thresholds(controller))
+        try:
+            now = simulation.step(actuation)
+        except Diverged:
+            done = k
+            break
+    ends = {name: done + 1 if name in n_rows else done for name in arrays}
+    arrays = {name: array[: ends[name]] for name, array in arrays.items()}
+    return centers[: done + 1], arrays, done < n_steps
 
 
 def mean_thresholds(controller: Controller) -> np.ndarray:

@@ -1,0 +1,137 @@
+"""Assessment from Python: v_x over terrains, starts and faults, as the `assess` command has it."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sim_node.engine import DEFAULT_ENGINE, check_engine
+from sim_node.errors import InvalidInput, check_name
+from sim_node.model.terrain import UNSEEN_TERRAINS, parse_terrain
+from snca_ros.api.processes import worker_processes
+from snca_ros.api.robot import Robot, as_faults, load
+from snca_ros.assessment.fault_sweep import parse_sweep
+from snca_ros.assessment.trials import FAULTY_STARTS, all_trials, check_trials, run_trials
+from snca_ros.evolution.episode import EPISODE
+from snca_ros.faults import NO_FAULTS, Faults
+
+DIMS = ('robot', 'faults', 'terrain', 'start')
+"""Names of the axes of scores."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Scores:
+    """v_x of episodes, an array with names; `numpy.asarray` gives the bare numbers.
+
+    Attributes:
+        v_x: (n_robots, n_faults, n_terrains, n_starts) [m/s]; -inf where an episode diverged.
+        coords: names along each axis of `DIMS`: of the robots, the faults ('' is none), the
+            terrains, and the numbers of the starts, of which 0 is the exact one.
+    """
+
+    v_x: np.ndarray
+    coords: dict[str, tuple]
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """Return the names of the axes; `xarray.DataArray(scores.v_x, scores.coords, DIMS)`."""
+        return DIMS
+
+    def sel(self, **names: object) -> np.ndarray:
+        """Return the part of `v_x` with these names, without their axes.
+
+        Args:
+            names: by axis, such as terrain='flat', start=0.
+
+        Raises:
+            InvalidInput: there is no such axis or name.
+        """
+        at: list = [slice(None)] * len(DIMS)
+        for dim, name in names.items():
+            check_name('axis', dim, DIMS)
+            known = self.coords[dim]
+            if name not in known:
+                raise InvalidInput(dim, name, f'one of {", ".join(map(repr, known))}')
+            at[DIMS.index(dim)] = known.index(name)
+        return self.v_x[tuple(at)]
+
+    def __array__(self, dtype=None, copy=None) -> np.ndarray:
+        return np.array(self.v_x, dtype=dtype)
+
+    def __repr__(self) -> str:
+        sizes = ', '.join(f'{dim} {n}' for dim, n in zip(DIMS, self.v_x.shape, strict=True))
+        return (
+            f'Scores({sizes}: v_x {self.v_x.min():.3f} to {self.v_x.max():.3f}, mean '
+            f'{self.v_x.mean():.3f} m/s)'
+        )
+
+
+def assess(
+    robots: Robot | str | Path | Iterable[Robot | str | Path],
+    terrains: str | Iterable[str] | None = None,
+    starts: int | None = None,
+    faults: str | Faults | Iterable[str | Faults] | None = None,
+    *,
+    engine: str = DEFAULT_ENGINE,
+    duration: float = EPISODE,
+    workers: int = 1,
+) -> Scores:
+    """Score robots by episodes, as `snca assess` does.
+
+    Args:
+        robots: one or several; whatever `load` takes will do.
+        terrains: names; None for the 16 unseen ones, or with faults for 'flat'.
+        starts: pushed starts beside the exact one; None for 0, or with faults for 9.
+        faults: what goes wrong, see docs/robustness.md. One number may be a range,
+            FROM..TO or FROM..TO..STEP, such as 'loss=0..0.9..0.1', which stands for several.
+        engine: one of `sim_node.engine.ENGINES`, such as 'batched'.
+        duration: of an episode [s]; its first 5 s do not count.
+        workers: processes, see `evolve`; the result does not depend on it.
+
+    Raises:
+        InvalidInput: a value is off.
+        BrokenExecutor: a worker process ended unexpectedly.
+    """
+    several = (robots,) if isinstance(robots, (Robot, str, Path)) else tuple(robots)
+    loaded = [one if isinstance(one, Robot) else load(one) for one in several]
+    wrong = _all_faults(faults)
+    if terrains is None:
+        terrains = UNSEEN_TERRAINS if faults is None else 'flat'
+    grounds = (terrains,) if isinstance(terrains, str) else tuple(terrains)
+    if starts is None:
+        starts = 0 if faults is None else FAULTY_STARTS
+    check_trials(starts, duration)
+    for ground in grounds:
+        parse_terrain(ground)
+    for robot in loaded:
+        check_engine(engine, robot.trained.solver)
+    for field, given in (('robots', loaded), ('terrains', grounds), ('faults', wrong)):
+        if not given:
+            raise InvalidInput(field, (), 'at least one')
+    trials = all_trials(
+        [robot.trained for robot in loaded], list(wrong.values()), grounds, engine, 1 + starts,
+        duration,
+    )
+    with worker_processes(workers) as opened:
+        v_x = run_trials(opened, trials)
+    v_x = v_x.reshape(len(loaded), len(wrong), 1 + starts, len(grounds)).swapaxes(2, 3)
+    names = tuple(robot.name for robot in loaded), tuple(wrong), grounds, tuple(range(1 + starts))
+    return Scores(v_x, dict(zip(DIMS, names, strict=True)))
+
+
+def _all_faults(
+    faults: str | Faults | Iterable[str | Faults] | None
+) -> dict[str, Faults]:
+    """Return all faults that are asked for, by name; a range stands for several."""
+    if faults is None:
+        return {'': NO_FAULTS}
+    several = (faults,) if isinstance(faults, (str, Faults)) else tuple(faults)
+    found: dict[str, Faults] = {}
+    for one in several:
+        if isinstance(one, str) and '=' in one and '..' in one:
+            sweep = parse_sweep(one)
+            found.update(zip(sweep.texts, sweep.faults, strict=True))
+        else:
+            found[one if isinstance(one, str) else repr(one)] = as_faults(one)
+    return found

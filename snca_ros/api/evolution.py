@@ -1,0 +1,138 @@
+"""Evolution from Python: what the `evolve` command does."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sim_node.errors import InvalidInput
+from snca_ros.api.processes import worker_processes
+from snca_ros.api.robot import Robot
+from snca_ros.evolution import evolve as offline
+from snca_ros.evolution.checkpoint import HISTORY, Progress, RunFolder
+from snca_ros.evolution.config import RunConfig
+
+_COUNTS = 'generation', 'evaluations'
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class EvolutionRun:
+    """A run of `evolve`, finished or on its way.
+
+    Attributes:
+        path: its folder.
+        config: what it is.
+        best: the best robot so far.
+        history: (n_generations,) structured array with the fields `generation`, `evaluations`
+            (spent so far), `best`, `median`, `worst` (v_x [m/s] of the generation) and
+            `best_so_far` [m/s].
+    """
+
+    path: Path
+    config: RunConfig
+    best: Robot
+    history: np.ndarray
+
+    def __repr__(self) -> str:
+        spent, best = self.history[-1][['evaluations', 'best_so_far']]
+        return (
+            f"EvolutionRun('{self.path}', {spent} of {self.config.evaluations} evaluations, "
+            f'best v_x {best:.3f} m/s)'
+        )
+
+
+def evolve(
+    shape: str | None = None,
+    architecture: str | None = None,
+    neuron_model: str | None = None,
+    *,
+    run: str | Path | None = None,
+    resume: bool = False,
+    workers: int = 1,
+    report: Callable[[EvolutionRun], object] | None = None,
+    terrain: str | None = None,
+    evaluations: int | None = None,
+    seed: int | None = None,
+    engine: str | None = None,
+    strategy: str | None = None,
+    population: int | None = None,
+    sigma: float | None = None,
+    duration: float | None = None,
+    transient: float | None = None,
+    physics: str | None = None,
+    n_c: int | None = None,
+    hidden: tuple[int, ...] | None = None,
+    as_printed: bool | None = None,
+) -> EvolutionRun:
+    """Evolve a robot, as `snca evolve` does; None stands for the default of that command.
+
+    The result does not depend on the workers, and a run that was stopped and resumed is one that
+    never stopped.
+
+    Args:
+        shape: name such as 'tripod', or a grid such as '1111-1001'.
+        architecture, neuron_model: what kind of cells, such as 'U-nD' and 'snn-h'.
+        run: the folder to write; None for runs/<what it is>.
+        resume: go on with the run in that folder, if there is one. Settings that are given must
+            be those of the run; a folder alone is enough.
+        workers: processes that evaluate. 1 needs none but this one; a script that asks for more
+            must do its work below `if __name__ == '__main__':`.
+        report: called with the run after every generation.
+        terrain, engine, physics: what the robots walk on, and in.
+        evaluations: episodes to spend.
+        seed: of all random numbers.
+        strategy, population, sigma: of the search.
+        duration, transient: of an episode [s], and what its score ignores at the start [s].
+        n_c, hidden, as_printed: of the cells, see `snca_ros.cell.architecture.Architecture`.
+
+    Raises:
+        InvalidInput: a value is off, or the folder is in use, holds files, or another run.
+        BrokenExecutor: a worker process ended unexpectedly; the run is intact up to the last
+            generation.
+    """
+    given = {
+        'shape': shape, 'architecture': architecture, 'neuron_model': neuron_model,
+        'terrain': terrain, 'evaluations': evaluations, 'seed': seed, 'engine': engine,
+        'strategy': strategy, 'population': population, 'sigma': sigma, 'duration': duration,
+        'transient': transient, 'physics': physics, 'n_c': n_c, 'hidden': hidden,
+        'as_printed': as_printed,
+    }
+    given = {name: value for name, value in given.items() if value is not None}
+
+    def tell(progress: Progress) -> None:
+        if report is not None:
+            report(_of(folder, progress))
+
+    with worker_processes(workers) as opened:
+        folder = _open(run, resume, given)
+        try:
+            progress = offline.evolve(folder, opened, tell)
+        finally:
+            folder.close()
+    return _of(folder, progress)
+
+
+def _open(run: str | Path | None, resume: bool, given: dict) -> RunFolder:
+    """Return the run folder that a call of `evolve` asks for."""
+    config = RunConfig.named(**given)
+    config.new_strategy()  # refuses one that is not installed before there is a folder
+    path = Path('runs') / config.name if run is None else Path(run)
+    if not (path / 'config.yaml').exists():
+        return RunFolder.create(path, config)
+    if not resume:
+        expected = 'a new or empty folder, or resume=True to go on with the run in it'
+        raise InvalidInput('run', str(path), expected)
+    folder = RunFolder.resume(path)
+    if given and folder.config != config:
+        folder.close()
+        expected = f'{config.name}, as the other arguments have it'
+        raise InvalidInput('run', folder.config.name, expected, str(path))
+    return folder
+
+
+def _of(folder: RunFolder, progress: Progress) -> EvolutionRun:
+    kinds = [(name, np.int64 if name in _COUNTS else np.float64) for name in HISTORY]
+    history = np.array([tuple(row) for row in progress.history], dtype=kinds)
+    best = Robot(folder.best(progress), folder.path.resolve().name)
+    return EvolutionRun(folder.path, folder.config, best, history)

@@ -1,0 +1,133 @@
+"""A trained robot: load it, let it walk, save it."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sim_node.control_time import CONTROL_RATE
+from sim_node.engine import DEFAULT_ENGINE
+from sim_node.errors import InvalidInput
+from sim_node.model.morphology import Morphology
+from snca_ros.bundled import find_controller
+from snca_ros.cell.architecture import Architecture
+from snca_ros.controller_file import TrainedController, load_controller, save_controller
+from snca_ros.evolution.episode import EPISODE, LONGEST
+from snca_ros.faults import Faults, parse_faults
+from snca_ros.recording.episode import RecordedEpisode, names_to_record
+from snca_ros.recording.offline import record_episode
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Robot:
+    """A body and the cells that were evolved for it; `load` and `evolve` return one.
+
+    Attributes:
+        trained: all that its controller file holds.
+        name: of the file or run, for people.
+    """
+
+    trained: TrainedController
+    name: str
+
+    @property
+    def morphology(self) -> Morphology:
+        """Return the body's shape."""
+        return self.trained.morphology
+
+    @property
+    def architecture(self) -> Architecture:
+        """Return what kind of cells it has."""
+        return self.trained.architecture
+
+    @property
+    def parameters(self) -> np.ndarray:
+        """Return the evolved parameters of the cells, (n_parameters,)."""
+        return self.trained.theta
+
+    @property
+    def terrain(self) -> str:
+        """Return the name of the ground that it was evolved on."""
+        return self.trained.terrain
+
+    def run(
+        self,
+        duration: float = EPISODE,
+        record: str | Iterable[str] = (),
+        *,
+        terrain: str = '',
+        faults: str | Faults = '',
+        engine: str = DEFAULT_ENGINE,
+        push: int = 0,
+    ) -> RecordedEpisode:
+        """Run one episode; the same call gives the same numbers, to the bit.
+
+        Args:
+            duration: simulated time [s], from 1/60 to 3600.
+            record: arrays to keep beside `centers`: names of `readings`, `actuation`, `spikes`,
+                `values`, `corners` and `thresholds`, one of them, or 'all'.
+            terrain: name of the ground, such as 'hilly-1-10-0'; '' for the one it was evolved on.
+            faults: what goes wrong, such as 'loss=0.3,death=0.5@10', see docs/robustness.md.
+            engine: one of `sim_node.engine.ENGINES`, such as 'batched'.
+            push: 0, or the number of a pushed start: another walk of the same robot.
+
+        Raises:
+            InvalidInput: a value is off. A physics that diverges is no error: see the episode's
+                `diverged`.
+        """
+        _check_duration(duration)
+        names, wrong = names_to_record(record), as_faults(faults)
+        simulation = self.trained.simulation(terrain, engine, push, wrong)
+        return record_episode(
+            simulation, self.trained.controller(wrong), duration, names, self.name
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write the robot's controller file (.npz), which `load` and all commands read."""
+        try:
+            save_controller(path, self.trained)
+        except OSError as error:
+            raise InvalidInput(
+                'path', str(path), f'a file that can be written ({error.strerror})'
+            ) from None
+
+    def __repr__(self) -> str:
+        trained, cell = self.trained, self.architecture
+        return (
+            f"Robot('{self.name}': {self.morphology.name}, {self.morphology.n_voxels} voxels, "
+            f'{cell.name} {cell.neuron_model}, evolved on {trained.terrain} to v_x '
+            f'{trained.fitness:.3f} m/s)'
+        )
+
+
+def load(controller: str | Path) -> Robot:
+    """Return the robot of a controller.
+
+    Args:
+        controller: name of a bundled one such as 'biped-U-nD-snn-h', a controller file (.npz), or
+            the folder of a run of `evolve`, of which it is the best.
+
+    Raises:
+        InvalidInput: there is none, or it is broken; the text names file, field and expectation.
+    """
+    folder = Path(controller)
+    if (folder / 'config.yaml').exists():
+        return Robot(load_controller(folder / 'best.npz'), folder.resolve().name)
+    path = find_controller(str(controller))
+    return Robot(load_controller(path), path.stem)
+
+
+def as_faults(faults: str | Faults) -> Faults:
+    """Return the faults that a text describes; InvalidInput if it describes none."""
+    if isinstance(faults, Faults):
+        return faults
+    if not isinstance(faults, str):
+        raise InvalidInput('faults', faults, "a text such as 'loss=0.3', or Faults")
+    return parse_faults(faults)
+
+
+def _check_duration(duration: float) -> None:
+    is_number = isinstance(duration, (int, float)) and not isinstance(duration, bool)
+    if not is_number or not 1 / CONTROL_RATE <= duration <= LONGEST:
+        raise InvalidInput('duration', duration, f'seconds from 1/60 to {LONGEST:g}')

@@ -1,0 +1,130 @@
+"""An episode and what was recorded in it."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_node.control_time import CONTROL_RATE
+from sim_node.errors import InvalidInput, check_name
+from snca_ros.evolution.episode import Episode
+
+RECORDABLE = ('readings', 'actuation', 'spikes', 'values', 'corners', 'thresholds')
+"""Arrays of an episode that are recorded on request."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RecordedEpisode(Episode):
+    """One episode of a robot. Row k of an array belongs to control step k, `times[k]`.
+
+    It made n_steps control steps of 1/60 s; n_steps is smaller than asked for if it diverged.
+
+    Attributes:
+        centers: (n_steps + 1, 2) centre of mass x, y [m].
+        diverged: the physics left the finite numbers before the end.
+        name: of the robot.
+        voxel_names: in the order of all arrays, row by row from the bottom.
+        recorded: the arrays that were asked for, by name; they are attributes, too.
+    """
+
+    name: str
+    voxel_names: tuple[str, ...]
+    recorded: Mapping[str, np.ndarray | None]
+
+    @property
+    def times(self) -> np.ndarray:
+        """Return the simulated time of each control step [s], (n_steps + 1,)."""
+        return np.arange(len(self.centers)) / CONTROL_RATE
+
+    @property
+    def v_x(self) -> float:
+        """Return the mean velocity [m/s] after the first 5 s, or of an episode of up to 5 s.
+
+        It is -inf if the episode diverged.
+        """
+        return self.velocity()
+
+    @property
+    def readings(self) -> np.ndarray:
+        """Return what the voxels' sensors read, (n_steps + 1, n_voxels, 4) in [0, 1].
+
+        The columns are `sim_node.model.sensors.SENSORS`.
+        """
+        return self._array('readings')
+
+    @property
+    def actuation(self) -> np.ndarray:
+        """Return the actuation, (n_steps, n_voxels) in [-1, 1]; 1 contracts, -1 expands.
+
+        Row k acts from times[k] to times[k + 1].
+        """
+        return self._array('actuation')
+
+    @property
+    def spikes(self) -> np.ndarray | None:
+        """Return the spikes that the cells send, (n_steps, n_voxels, n_channels, 16), 0 or 1.
+
+        None if the cells send none.
+        """
+        return self._found('spikes')
+
+    @property
+    def values(self) -> np.ndarray | None:
+        """Return the values that the cells send, (n_steps, n_voxels, n_channels) in [-1, 1].
+
+        None if the cells send none.
+        """
+        return self._found('values')
+
+    @property
+    def corners(self) -> np.ndarray:
+        """Return the outer corners x, y of the voxels [m], (n_steps + 1, n_voxels, 4, 2)."""
+        return self._array('corners')
+
+    @property
+    def thresholds(self) -> np.ndarray | None:
+        """Return the mean threshold of each voxel's neurons [mV], (n_steps, n_voxels).
+
+        None if the cells have none.
+        """
+        return self._found('thresholds')
+
+    @property
+    def heard(self) -> np.ndarray:
+        """Return which spikes or values are known, as of a `Recording`: all (n_steps, n_voxels)."""
+        return np.ones((len(self.centers) - 1, len(self.voxel_names)), dtype=bool)
+
+    def _found(self, name: str) -> np.ndarray | None:
+        if name not in self.recorded:
+            raise InvalidInput('record', tuple(self.recorded), f'{name!r} among the names')
+        return self.recorded[name]
+
+    def _array(self, name: str) -> np.ndarray:
+        found = self._found(name)
+        assert found is not None
+        return found
+
+    def __repr__(self) -> str:
+        diverged = ', diverged' if self.diverged else ''
+        kinds = [name for name, array in self.recorded.items() if array is not None]
+        return (
+            f"RecordedEpisode('{self.name}', {self.times[-1]:.1f} s, v_x {self.v_x:.3f} m/s"
+            f'{diverged}{"".join(f", {kind}" for kind in kinds)})'
+        )
+
+
+def names_to_record(record: str | Iterable[str]) -> tuple[str, ...]:
+    """Return the names of `RECORDABLE` that `record` asks for.
+
+    Args:
+        record: names, one name, or 'all'.
+
+    Raises:
+        InvalidInput: one of them is none.
+    """
+    if record == 'all':
+        return RECORDABLE
+    names = (record,) if isinstance(record, str) else tuple(record)
+    for name in names:
+        check_name('record', name, [*RECORDABLE, 'all'])
+    return names

@@ -1,0 +1,102 @@
+"""docs/python.md and the notebook: every line of code, in its order, does what it says."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+from support.paths import ROOT
+from support.synthetic_bag import Walk, messages_of_walk, write_messages
+
+import snca_ros as snca
+
+BUDGET = [  # what the test runs instead of what a person does
+    ('evaluations=3000', 'evaluations=8, population=4, duration=1.0, transient=0.5'),
+]
+EXPECTED = re.compile(r'(.+?)\s+# -> (.+)')
+"""A line that tells what its expression is."""
+
+
+def blocks():
+    text = (ROOT / 'docs' / 'python.md').read_text()
+    found = re.findall(r'^```python\n(.*?)^```$', text, re.MULTILINE | re.DOTALL)
+    assert text.count('```') == 2 * len(found)
+    for long, short in BUDGET:
+        assert any(long in block for block in found), long
+        found = [block.replace(long, short) for block in found]
+    return found
+
+
+def test_every_line_of_the_page_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    walked = snca.load('biped-U-nD-snn-h').run(2.0, ('readings', 'actuation', 'spikes'))
+    walk = Walk(
+        walked.voxel_names, walked.centers, walked.readings[:-1], walked.actuation, walked.spikes
+    )
+    (tmp_path / 'bags').mkdir()
+    write_messages(tmp_path / 'bags' / 'mine', messages_of_walk(walk))
+    names, told = {'__name__': 'page'}, 0
+    for block in blocks():
+        exec(compile(block, 'docs/python.md', 'exec'), names)
+        for line in block.splitlines():
+            if match := EXPECTED.fullmatch(line):
+                assert str(eval(match[1], names)) == match[2], line
+                told += 1
+            else:
+                assert '->' not in line
+    assert told > 10
+    assert (tmp_path / 'tripod.npz').exists()
+    assert capsys.readouterr().out.count('EvolutionRun(') == 3  # one per generation
+
+
+def test_the_part_below_the_guard_runs_too():
+    (guarded,) = (block for block in blocks() if '__main__' in block)
+    body = guarded.partition(':\n')[2].replace("'flat'", "'flat', duration=5.1")
+    names = {'snca': snca, 'robot': snca.load('biped-U-D-mlp')}
+    exec(body.strip(), names)
+
+
+def test_the_page_names_every_public_name():
+    text = (ROOT / 'docs' / 'python.md').read_text()
+    types = {'EvolutionRun', 'Faults', 'Gait', 'RecordedEpisode', 'Recording', 'Robot', 'Scores'}
+    for name in set(snca.__all__) - types:
+        assert f'snca.{name}' in text, name
+
+
+def cells():
+    notebook = json.loads((ROOT / 'docs' / 'first_steps.ipynb').read_text())
+    assert (notebook['nbformat'], notebook['nbformat_minor']) == (4, 5)
+    identifiers = [cell['id'] for cell in notebook['cells']]
+    assert len(set(identifiers)) == len(identifiers)
+    return [cell for cell in notebook['cells'] if cell['cell_type'] == 'code']
+
+
+def test_the_notebook_holds_no_outputs():
+    for cell in cells():
+        assert cell['outputs'] == []
+        assert cell['execution_count'] is None
+
+
+def test_the_notebook_runs(tmp_path):
+    pytest.importorskip('matplotlib')
+    sources = [''.join(cell['source']) for cell in cells()]
+    program = tmp_path / 'cells.json'
+    program.write_text(json.dumps(sources))
+    runner = (
+        'import json, pathlib; names = {"__name__": "__main__"}\n'
+        'for source in json.loads(pathlib.Path("cells.json").read_text()):\n'
+        '    exec(compile(source, "cell", "exec"), names)\n'
+        'import matplotlib.pyplot as plt\n'
+        'for number in plt.get_fignums():\n'
+        '    plt.figure(number).savefig(f"{number}.png")\n'
+    )
+    environment = {**os.environ, 'PYTHONPATH': str(ROOT), 'MPLBACKEND': 'Agg'}
+    found = subprocess.run(
+        [sys.executable, '-W', 'error::UserWarning', '-c', runner], check=False, cwd=tmp_path,
+        env=environment, capture_output=True, text=True, timeout=600,
+    )
+    assert found.returncode == 0, found.stderr
+    assert re.search(r'^v_x \d+\.\d\d m/s, rhythm \d+\.\d\d Hz$', found.stdout, re.MULTILINE)
+    assert len(list(tmp_path.glob('*.png'))) == 4
