@@ -15,6 +15,7 @@ from sim_node.errors import InvalidInput
 from sim_node.model.morphology import parse_morphology
 from snca_ros.controller_file import TrainedController, load_controller, save_controller
 from snca_ros.evolution.config import RunConfig
+from snca_ros.evolution.strategies import STRATEGIES
 from snca_ros.files import LOCK, hold_folder, write_atomically, write_text
 
 HISTORY = ('generation', 'evaluations', 'best', 'median', 'worst', 'best_so_far')
@@ -189,7 +190,7 @@ class RunFolder:
             arrays.setdefault(name, np.empty((0, *width)))
         n = min(len(arrays.get('individuals', ())), config.population)
         whole = config.population if len(arrays['population']) else 0
-        expected = {
+        expected: dict[str, tuple[int, ...]] = {
             'individuals': (n, config.n_parameters),
             'fitness': (n,),
             'history': (int(arrays.get('generation', np.array(0)).flat[0]), len(HISTORY)),
@@ -199,9 +200,9 @@ class RunFolder:
             'population': (whole, config.n_parameters),
             'population_fitness': (whole,),
         }
-        if config.strategy == 'cma':
-            expected['told'] = (expected['history'][0], config.population)
-            expected['mean'] = (config.n_parameters,)
+        expected |= STRATEGIES[config.strategy].own_state(
+            config.n_parameters, config.population, expected['history'][0]
+        )
         if arrays.keys() != expected.keys():
             raise InvalidInput('entries', sorted(arrays), ', '.join(sorted(expected)))
         for name, shape in expected.items():

@@ -16,7 +16,7 @@ from sim_node.model.terrain import parse_terrain
 from sim_node.simulation import Simulation
 from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.episode import EPISODE, LONGEST, TRANSIENT
-from snca_ros.evolution.strategies import STRATEGIES, Strategy, check_strategy
+from snca_ros.evolution.strategies import DEFAULT_STRATEGY, STRATEGIES, Strategy, check_strategy
 from snca_ros.files import read_yaml
 
 
@@ -52,7 +52,7 @@ class RunConfig:
     material: Material = field(default_factory=Material)
     solver: Solver = field(default_factory=Solver)
     engine: str = DEFAULT_ENGINE
-    strategy: str = 'es'
+    strategy: str = DEFAULT_STRATEGY
 
     def __post_init__(self) -> None:
         parse_morphology(self.shape)
@@ -97,7 +97,7 @@ class RunConfig:
         parts.append(self.terrain)
         if self.engine != DEFAULT_ENGINE:
             parts.append(self.engine)
-        if self.strategy != 'es':
+        if self.strategy != DEFAULT_STRATEGY:
             parts.append(self.strategy)
         if self.solver.physics != UNNAMED_PHYSICS:
             parts.append(self.solver.physics)

@@ -1,13 +1,21 @@
 """The evolution strategy against a second computation of its generations with plain numpy."""
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from snca_ros.evolution.strategies import SimpleEvolutionStrategy
+from sim_node.errors import InvalidInput
+from snca_ros.cell.architecture import Architecture
+from snca_ros.evolution.checkpoint import RunFolder
+from snca_ros.evolution.config import RunConfig
+from snca_ros.evolution.evolve import evolve
+from snca_ros.evolution.strategies import STRATEGIES, SimpleEvolutionStrategy, register_strategy
+from snca_ros.evolution.strategies.strategy import best_first
+from snca_ros.evolution.workers import IN_PROCESS
 
 D = 6
 
@@ -277,3 +285,58 @@ def test_population_is_sorted_and_of_its_size(population, seed, data):
         assert strategy.fitness[0] == best
         assert np.all(strategy.fitness[:-1] >= strategy.fitness[1:])
         assert strategy.generation == generation + 1
+
+
+class RandomSearch:
+    """A strategy from outside the tree: it draws anew and keeps the best."""
+
+    def __init__(self, n_parameters, *, population=36, sigma=0.35, seed=0):
+        self.shape, self.sigma, self.seed = (population, n_parameters), sigma, seed
+        self.individuals, self.fitness = np.empty((0, n_parameters)), np.empty(0)
+        self.generation, self.drawn = 0, np.zeros(1)
+
+    def ask(self):
+        rng = np.random.default_rng([self.seed, self.generation])
+        return self.sigma * rng.standard_normal(self.shape)
+
+    def tell(self, candidates, fitness):
+        self.individuals, self.fitness = best_first(self, candidates, fitness)
+        self.individuals, self.fitness = self.individuals[:4], self.fitness[:4]
+        self.generation += 1
+        self.drawn += len(candidates)
+
+    def state(self):
+        return {'individuals': self.individuals, 'fitness': self.fitness, 'drawn': self.drawn,
+                'generation': np.array(self.generation)}
+
+    def restore(self, state):
+        self.individuals, self.fitness = state['individuals'], state['fitness']
+        self.generation, self.drawn = int(state['generation']), state['drawn']
+
+    @staticmethod
+    def own_state(n_parameters, population, generation):
+        return {'drawn': (1,)}
+
+
+def test_a_strategy_from_outside_the_tree_runs_and_resumes(tmp_path, monkeypatch):
+    monkeypatch.setitem(STRATEGIES, 'random', RandomSearch)
+    register_strategy('random', RandomSearch)
+    with pytest.raises(InvalidInput, match='a name that is not taken'):
+        register_strategy('random', SimpleEvolutionStrategy)
+    whole = RunConfig(
+        'worm-2x1', Architecture.named('U-D', 'mlp'), strategy='random', population=4,
+        evaluations=12, duration=0.5, transient=0.0,
+    )
+    once = RunFolder.create(tmp_path / 'once', whole)
+    expected = evolve(once, IN_PROCESS)
+    once.close()
+    begun = RunFolder.create(tmp_path / 'twice', replace(whole, evaluations=8))
+    evolve(begun, IN_PROCESS)
+    begun.close()
+    (tmp_path / 'twice' / 'config.yaml').write_text(whole.to_yaml())
+    resumed = RunFolder.resume(tmp_path / 'twice')
+    found = evolve(resumed, IN_PROCESS)
+    resumed.close()
+    assert found.strategy['drawn'] == expected.strategy['drawn'] == 12.0
+    np.testing.assert_array_equal(found.strategy['fitness'], expected.strategy['fitness'])
+    assert [row[-1] for row in found.history] == [row[-1] for row in expected.history]
