@@ -1,46 +1,33 @@
 """The physical constants of a voxel and of its world, each with its unit and its range."""
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 
 from sim_node.errors import InvalidInput, check_keys
-
-
-def _constant(default: float, low: float, high: float, text: str, unit: str = '') -> float:
-    """Declare a constant once: default, range (inclusive), meaning and unit."""
-    meta = {'low': low, 'high': high, 'text': text, 'unit': unit}
-    return field(default=default, metadata=meta)
+from sim_node.model.constants import check_declared, constant
 
 
 @dataclass(frozen=True)
 class Material:
     """Physical constants of a voxel, its contacts and its world (2D-VSR-Sim's defaults).
 
-    The range of every constant is declared with it and serves the check in the constructor, the
-    descriptors of the simulation node's parameters and the documentation.
-
     Raises:
         InvalidInput: a value is not finite or out of its range.
     """
 
-    side: float = _constant(3.0, 1.0, 100.0, 'side of a voxel at rest', 'm')
-    mass_ratio: float = _constant(0.40, 0.1, 0.44, 'side of a corner mass per side of the voxel')
-    density: float = _constant(0.25, 1e-3, 1e3, 'density of a corner mass', 'kg/m^2')
-    frequency: float = _constant(8.0, 0.1, 30.0, 'frequency of a spring', 'Hz')
-    damping_ratio: float = _constant(0.3, 0.0, 2.0, 'damping ratio of a spring')
-    area_range: float = _constant(0.225, 0.0, 0.35, 'largest relative change of area by actuation')
-    friction: float = _constant(math.sqrt(10 * 0.2), 0.0, 10.0, 'friction mass against ground')
-    restitution: float = _constant(0.1, 0.0, 1.0, 'restitution mass against ground')
-    damping: float = _constant(0.1, 0.0, 10.0, 'linear and angular damping of a mass', '1/s')
-    gravity: float = _constant(9.8, 0.0, 100.0, 'gravity, downwards', 'm/s^2')
+    side: float = constant(3.0, 1.0, 100.0, 'side of a voxel at rest', 'm')
+    mass_ratio: float = constant(0.40, 0.1, 0.44, 'side of a corner mass per side of the voxel')
+    density: float = constant(0.25, 1e-3, 1e3, 'density of a corner mass', 'kg/m^2')
+    frequency: float = constant(8.0, 0.1, 30.0, 'frequency of a spring', 'Hz')
+    damping_ratio: float = constant(0.3, 0.0, 2.0, 'damping ratio of a spring')
+    area_range: float = constant(0.225, 0.0, 0.35, 'largest relative change of area by actuation')
+    friction: float = constant(math.sqrt(10 * 0.2), 0.0, 10.0, 'friction mass against ground')
+    restitution: float = constant(0.1, 0.0, 1.0, 'restitution mass against ground')
+    damping: float = constant(0.1, 0.0, 10.0, 'linear and angular damping of a mass', '1/s')
+    gravity: float = constant(9.8, 0.0, 100.0, 'gravity, downwards', 'm/s^2')
 
     def __post_init__(self) -> None:
-        for f in fields(self):
-            value, meta = getattr(self, f.name), f.metadata
-            is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-            if not is_number or not meta['low'] <= value <= meta['high']:
-                expected = f'a number from {meta["low"]:g} to {meta["high"]:g} [{meta["unit"]}]'
-                raise InvalidInput(f'material.{f.name}', value, expected.replace(' []', ''))
+        check_declared(self, 'material.')
         if self.rest_lengths(self.actuated_side(-self.area_range))[0] <= 0.0:
             expected = 'a mass_ratio or area_range that leaves room between contracted masses'
             raise InvalidInput('material.area_range', self.area_range, expected)

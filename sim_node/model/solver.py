@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from sim_node.errors import InvalidInput, check_keys, check_name
+from sim_node.errors import check_keys
+from sim_node.model.constants import check_declared, choice, constant
 from sim_node.model.physics import DEFAULT_PHYSICS, PHYSICS, UNNAMED_PHYSICS, Physics
 
 SELF_COLLISION = (False, True, 'reference')
@@ -15,29 +16,21 @@ restitution 0.1."""
 class Solver:
     """How finely the engine solves a control step; defaults measured, see docs/physics.md.
 
-    Attributes:
-        substeps: physics steps per control step.
-        iterations: sweeps of the impulse solver per physics step.
-        self_collision: whether masses of one robot collide with each other: one of
-            `SELF_COLLISION`.
-        physics: one of `sim_node.model.physics.PHYSICS`.
+    Raises:
+        InvalidInput: a value is off.
     """
 
-    substeps: int = 1
-    iterations: int = 10
-    self_collision: bool | str = False
-    physics: str = DEFAULT_PHYSICS
+    substeps: int = constant(1, 1, 100, 'physics steps per control step')
+    iterations: int = constant(10, 1, 1000, 'sweeps of the impulse solver per physics step')
+    self_collision: bool | str = choice(
+        False, SELF_COLLISION, 'whether masses of one robot collide with each other'
+    )
+    physics: str = choice(
+        DEFAULT_PHYSICS, PHYSICS, 'by which rules the body moves and is sensed'
+    )
 
     def __post_init__(self) -> None:
-        for name, high in (('substeps', 100), ('iterations', 1000)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= high:
-                raise InvalidInput(f'solver.{name}', value, f'an integer from 1 to {high}')
-        value = self.self_collision
-        if not isinstance(value, (bool, str)) or value not in SELF_COLLISION:
-            expected = f'true, false or {SELF_COLLISION[-1]}'
-            raise InvalidInput('solver.self_collision', value, expected)
-        check_name('solver.physics', self.physics, PHYSICS)
+        check_declared(self, 'solver.')
 
     @property
     def rules(self) -> Physics:

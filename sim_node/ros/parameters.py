@@ -1,15 +1,16 @@
 """(ROS) What the simulation node is told: how to run, and the body and its world."""
 
 import os
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from typing import Any
 
 from sim_node.engine import DEFAULT_ENGINE, ENGINES
 from sim_node.errors import InvalidInput, check_name
 from sim_node.model.body_faults import FAULTS_OF_BODY
 from sim_node.model.body_file import BodyPart, load_body
+from sim_node.model.constants import declared
 from sim_node.model.material import Material
 from sim_node.model.morphology import parse_morphology
-from sim_node.model.physics import PHYSICS
 from sim_node.model.solver import Solver
 from sim_node.ros.node_base import RosNode
 from sim_node.simulation import Simulation
@@ -70,26 +71,8 @@ def simulation_of(node: RosNode) -> Simulation:
                 'flat | hilly-h-w-seed | steppy-h-w-seed | uphill-a | ...')
     engine = p('engine', DEFAULT_ENGINE, f'physics engine: {" | ".join(ENGINES)}')
     material, solver = (body.material, body.solver) if body else (Material(), Solver())
-    constants = {
-        f.name: p(
-            f'material.{f.name}', float(getattr(material, f.name)),
-            f'{f.metadata["text"]} [{f.metadata["unit"] or "1"}]',
-            f.metadata['low'], f.metadata['high'],
-        )
-        for f in fields(Material)
-    }
-    how = {
-        'substeps': p('solver.substeps', solver.substeps,
-                      'physics steps per control step', 1, 100),
-        'iterations': p('solver.iterations', solver.iterations,
-                        'sweeps of the impulse solver', 1, 1000),
-        'self_collision': p(
-            'solver.self_collision', solver.self_collision,
-            'whether masses of the robot collide: false | true | reference', any_type=True,
-        ),
-        'physics': p('solver.physics', solver.physics,
-                     f'by which rules the body moves and is sensed: {" | ".join(PHYSICS)}'),
-    }
+    constants = _declared(node, 'material', material)
+    how = _declared(node, 'solver', solver)
     faults = {name: p(name, *spec) for name, spec in FAULTS_OF_BODY.items()}
     try:
         return Simulation(
@@ -98,6 +81,23 @@ def simulation_of(node: RosNode) -> Simulation:
         )
     except InvalidInput as error:
         raise error.found_in(node.where()) from None
+
+
+def _declared(node: RosNode, prefix: str, defaults: Material | Solver) -> dict[str, Any]:
+    """Declare a parameter for each declared field of a dataclass; return their values by field."""
+    values = {}
+    for f in declared(defaults):
+        name, default, meta = f'{prefix}.{f.name}', getattr(defaults, f.name), f.metadata
+        if 'choices' in meta:
+            choices = ' | '.join(str(known).lower() for known in meta['choices'])
+            any_type = not all(isinstance(known, str) for known in meta['choices'])
+            text = f'{meta["text"]}: {choices}'
+            values[f.name] = node.parameter(name, default, text, any_type=any_type)
+        else:
+            kind = type(f.default)  # a file may have 1 where 1.0 is meant
+            text = f'{meta["text"]} [{meta["unit"] or "1"}]'
+            values[f.name] = node.parameter(name, kind(default), text, meta['low'], meta['high'])
+    return values
 
 
 def _body(path: str, where: str) -> BodyPart | None:

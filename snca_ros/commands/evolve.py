@@ -9,16 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from sim_node.engine import ENGINES
+from sim_node.model.constants import help_of
 from sim_node.model.morphology import SHAPES
-from sim_node.model.physics import DEFAULT_PHYSICS, PHYSICS
+from sim_node.model.solver import Solver
 from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS
 from snca_ros.command_line import INTERRUPTED
 from snca_ros.commands.worker_options import add_worker_arguments, open_workers
 from snca_ros.evolution.checkpoint import Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evolve import evolve
-from snca_ros.evolution.strategies import STRATEGIES
 from snca_ros.progress import StatusLine, TimeLeft, bars
 
 EXAMPLES = """
@@ -77,15 +76,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     new.add_argument('--as-printed', action='store_true', default=None,
                      help="the paper's printed equations where the authors' code differs")
     new.add_argument('--terrain', help='flat, hilly-h-w-seed, steppy-h-w-seed, uphill-a, ...')
-    new.add_argument('--evaluations', type=int, help='episodes to spend (default 30000)')
-    new.add_argument('--seed', type=int, help='of all random numbers (default 0)')
-    new.add_argument('--strategy', help=f'{", ".join(STRATEGIES)} (default es, the paper\'s)')
-    new.add_argument('--population', type=int, help='individuals per generation (default 36)')
-    new.add_argument('--sigma', type=float, help='spread of the children (default 0.35)')
-    new.add_argument('--engine', help=f'{", ".join(ENGINES)}: what scores (default pymunk)')
-    new.add_argument('--physics', help=f'{", ".join(PHYSICS)} (default {DEFAULT_PHYSICS})')
-    new.add_argument('--duration', type=float, help='seconds of an episode (default 30)')
-    new.add_argument('--transient', type=float, help='seconds not scored (default 5)')
+    new.add_argument('--evaluations', type=int, help=help_of(RunConfig, 'evaluations'))
+    new.add_argument('--seed', type=int, help=help_of(RunConfig, 'seed'))
+    new.add_argument('--strategy', help=help_of(RunConfig, 'strategy'))
+    new.add_argument('--population', type=int, help=help_of(RunConfig, 'population'))
+    new.add_argument('--sigma', type=float, help=help_of(RunConfig, 'sigma'))
+    new.add_argument('--engine', help=help_of(RunConfig, 'engine'))
+    new.add_argument('--physics', help=help_of(Solver, 'physics'))
+    new.add_argument('--duration', type=float, help=help_of(RunConfig, 'duration'))
+    new.add_argument('--transient', type=float, help=help_of(RunConfig, 'transient'))
     parser.add_argument('--run', type=Path, help='run folder (default runs/<what it is>)')
     parser.add_argument('--resume', type=Path, metavar='RUN', help='go on with a stopped run')
     add_worker_arguments(parser)

@@ -8,6 +8,7 @@ import yaml
 
 from sim_node.engine import DEFAULT_ENGINE, ENGINES, check_engine
 from sim_node.errors import InvalidInput, check_keys
+from sim_node.model.constants import check_declared, choice, constant
 from sim_node.model.material import Material
 from sim_node.model.morphology import parse_morphology
 from sim_node.model.physics import DEFAULT_PHYSICS, UNNAMED_PHYSICS
@@ -16,7 +17,7 @@ from sim_node.model.terrain import parse_terrain
 from sim_node.simulation import Simulation
 from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.episode import EPISODE, LONGEST, TRANSIENT
-from snca_ros.evolution.strategies import DEFAULT_STRATEGY, STRATEGIES, Strategy, check_strategy
+from snca_ros.evolution.strategies import DEFAULT_STRATEGY, STRATEGIES, Strategy
 from snca_ros.files import read_yaml
 
 
@@ -28,13 +29,9 @@ class RunConfig:
         shape: morphology, a name or a grid.
         terrain: name of the ground.
         architecture: what kind of cells.
-        evaluations: episodes to spend (paper: 30,000).
-        seed: of all random numbers.
-        population, sigma: of the evolution strategy.
-        strategy: one of `snca_ros.evolution.strategies.STRATEGIES`.
-        duration, transient: of an episode [s], and what its score ignores at the start [s].
         material, solver: of the simulation.
-        engine: one of `sim_node.engine.ENGINES`, in which episodes are scored.
+
+    The others are declared with their meaning.
 
     Raises:
         InvalidInput: a value is off.
@@ -43,28 +40,27 @@ class RunConfig:
     shape: str
     architecture: Architecture
     terrain: str = 'flat'
-    evaluations: int = 30_000
-    seed: int = 0
-    population: int = 36
-    sigma: float = 0.35
-    duration: float = EPISODE
-    transient: float = TRANSIENT
+    evaluations: int = constant(30_000, 1, 10**9, 'episodes to spend')
+    seed: int = constant(0, 0, 2**63 - 1, 'seed of all random numbers')
+    population: int = constant(36, 4, 100_000, 'individuals per generation')
+    sigma: float = constant(0.35, 0.0, 100.0, 'standard deviation of the children')
+    duration: float = constant(EPISODE, 0.1, LONGEST, 'duration of an episode', 's')
+    transient: float = constant(
+        TRANSIENT, 0.0, LONGEST, 'time at the start of an episode that is not scored', 's'
+    )
     material: Material = field(default_factory=Material)
     solver: Solver = field(default_factory=Solver)
-    engine: str = DEFAULT_ENGINE
-    strategy: str = DEFAULT_STRATEGY
+    engine: str = choice(DEFAULT_ENGINE, ENGINES, 'physics engine in which episodes are scored')
+    strategy: str = choice(DEFAULT_STRATEGY, STRATEGIES, 'optimiser')
 
     def __post_init__(self) -> None:
         parse_morphology(self.shape)
         parse_terrain(self.terrain)
-        _check('evaluations', self.evaluations, int, 1, 10**9)
-        _check('seed', self.seed, int, 0, 2**63 - 1)
-        _check('population', self.population, int, 4, 100_000)
-        _check('sigma', self.sigma, (int, float), 0.0, 100.0)
-        _check('duration', self.duration, (int, float), 0.1, LONGEST)
-        _check('transient', self.transient, (int, float), 0.0, self.duration)
+        check_declared(self)
+        if self.transient > self.duration:
+            expected = f'a number from 0 to the duration, {self.duration:g} [s]'
+            raise InvalidInput('transient', self.transient, expected)
         check_engine(self.engine, self.solver)
-        check_strategy(self.strategy)
 
     def simulation(self, push: int = 0) -> Simulation:
         """Return the simulation of an episode, from a pushed start if `push` is not 0."""
@@ -179,10 +175,3 @@ class RunConfig:
             'solver': Solver.from_dict(values.get('solver', {})),
         }
         return cls(**{**values, **parts})
-
-
-def _check(name: str, value: Any, kinds: type | tuple, low: float, high: float) -> None:
-    is_kind = isinstance(value, kinds) and not isinstance(value, bool)
-    if not is_kind or not low <= value <= high:
-        kind = 'an integer' if kinds is int else 'a number'
-        raise InvalidInput(name, value, f'{kind} from {low:g} to {high:g}')
