@@ -62,7 +62,9 @@ def _joint_state_format(voxel: str, names: list[str]) -> WireFormat:
         check_frame(voxel, received.header.frame_id)
 
     empty = 2 * 4  # the lengths of velocity and effort
-    numbers_of = {'position': numbers, 'episode': np.frombuffer(EXAMPLE_EPISODE, np.uint8)}
+    numbers_of: dict[str, np.ndarray] = {
+        'position': numbers, 'episode': np.frombuffer(EXAMPLE_EPISODE, np.uint8),
+    }
     return WireFormat(message, numbers_of, tail=empty, check=check)
 
 
@@ -141,7 +143,9 @@ class RobotMarkers:
         outlines.points = _points(self._line)
         outlines.color = ColorRGBA(r=0.1, g=0.1, b=0.1, a=1.0)
         # Stamp 0 means "the latest" to viewers, so that no marker is ever too old to be drawn.
-        numbers = {'fill': self._fill, 'color': self._color, 'line': self._line}
+        numbers: dict[str, np.ndarray] = {
+            'fill': self._fill, 'color': self._color, 'line': self._line,
+        }
         self._wire = WireFormat(MarkerArray(markers=[voxels, outlines]), numbers, stamped=False)
         self._size = len(self._wire.encode())
 
