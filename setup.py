@@ -68,8 +68,8 @@ setup(
     install_requires=[
         # Lower bounds are tested by `make oldest`; upper ones keep off what has not been tried.
         'numpy>=1.26.4,<3', 'numba>=0.60,<0.69', 'pymunk>=7,<8', 'rosbags>=0.11.4,<0.12',
-        'scipy>=1.11.4', 'matplotlib>=3.6.3,<4', 'pyyaml>=6', 'pillow>=10', 'shtab>=1.6',
-        'websockets>=13',
+        'mcap>=1.1.1,<2', 'scipy>=1.11.4', 'matplotlib>=3.6.3,<4', 'pyyaml>=6', 'pillow>=10',
+        'shtab>=1.6', 'websockets>=13',
     ],
     extras_require={'ros': ROS, 'test': TEST, 'cluster': CLUSTER, 'cma': CMA, 'video': VIDEO},
     entry_points={'console_scripts': ['snca = snca_ros.cli:main']},

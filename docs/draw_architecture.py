@@ -76,8 +76,8 @@ ROOMS = {
     'model': Room(('sim_node.model.*',), ('numerics', 'errors')),
     'numerics': Room(('sim_node.numerics.*',), ()),
     'errors': Room(
-        ('sim_node.errors', 'sim_node.control_time'), (),
-        'What everything uses: bad input, and control steps as time stamps.',
+        ('sim_node.errors', 'sim_node.control_time', 'sim_node.message_layout'), (),
+        'What everything uses: bad input, control steps as time stamps, messages as bytes.',
     ),
 }
 """All rooms by name, from the top. A room may import those below it, directly or not.

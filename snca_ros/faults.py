@@ -16,6 +16,7 @@ from sim_node.model.body_faults import (
     MAX_NOISE,
     MAX_SEED,
     OUTAGE,
+    FaultParameter,
     parse_breakage,
     parse_outage,
     uniform,
@@ -26,12 +27,14 @@ from snca_ros.files import read_yaml
 MAX_DELAY = 1000
 
 FAULTS_OF_CELLS = {
-    'loss': (0.0, 'probability that a message is lost, per link and control step', 0.0, 1.0),
-    'delay': (0, 'control steps that every message takes longer', 0, MAX_DELAY),
-    'death': ('', f'voxels that are limp and silent for a time: {OUTAGE}'),
+    'loss': FaultParameter(
+        0.0, 'probability that a message is lost, per link and control step', 0.0, 1.0
+    ),
+    'delay': FaultParameter(0, 'control steps that every message takes longer', 0, MAX_DELAY),
+    'death': FaultParameter('', f'voxels that are limp and silent for a time: {OUTAGE}'),
     'seed': FAULTS_OF_BODY['seed'],
 }
-"""Name to default, meaning and range, as of a ROS parameter."""
+"""By name."""
 
 
 def _check(name: str, value: Any, kinds: type | tuple, high: float) -> None:

@@ -95,6 +95,15 @@ def test_package_xml_names_what_pip_installs(built):
     assert {rosdep.get(name, name) for name in required} <= told
 
 
+def test_package_xml_names_the_ros_packages_that_are_imported():
+    folders = ('sim_node', 'snca_ros', 'launch')
+    text = '\n'.join(p.read_text() for f in folders for p in (ROOT / f).rglob('*.py'))
+    ros = r'^\s*(?:from|import) (rclpy|launch|launch_ros|\w+_(?:msgs|srvs|interfaces))\b'
+    imported = set(re.findall(ros, text, re.MULTILINE))
+    assert {'rclpy', 'launch_ros', 'rcl_interfaces', 'sensor_msgs'} <= imported
+    assert imported <= {e.text for e in PACKAGE.iter('exec_depend')}
+
+
 def test_changelog_has_a_title_and_sections_by_rep_132():
     lines = (ROOT / 'CHANGELOG.rst').read_text().splitlines()
     title = 'Changelog for package snca_ros'

@@ -30,13 +30,24 @@ OUTAGE = (
 BREAKAGE = f'{"|".join(BREAKAGES)}:{OUTAGE}'
 """How `parse_outage` and `parse_breakage` are written."""
 
+class FaultParameter(NamedTuple):
+    """A fault as a ROS parameter: default, meaning, and the range of a number."""
+
+    default: float | str
+    text: str
+    low: float | None = None
+    high: float | None = None
+
+
 FAULTS_OF_BODY = {
-    'sensor_noise': (0.0, 'standard deviation of noise on readings', 0.0, MAX_NOISE),
-    'broken_sensors': ('', f'sensors that break: {BREAKAGE}'),
-    'broken_actuators': ('', f'actuators that break: {BREAKAGE}'),
-    'seed': (0, 'of all noise and faults', 0, MAX_SEED),
+    'sensor_noise': FaultParameter(
+        0.0, 'standard deviation of noise on readings', 0.0, MAX_NOISE
+    ),
+    'broken_sensors': FaultParameter('', f'sensors that break: {BREAKAGE}'),
+    'broken_actuators': FaultParameter('', f'actuators that break: {BREAKAGE}'),
+    'seed': FaultParameter(0, 'of all noise and faults', 0, MAX_SEED),
 }
-"""Name to default, meaning and range, as of a ROS parameter."""
+"""By name."""
 
 STREAMS = ('broken_sensors', 'broken_actuators', 'death', 'loss')
 """Faults that each have random numbers of their own."""

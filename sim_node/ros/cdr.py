@@ -1,17 +1,20 @@
 """(ROS) Messages of fixed layout, written and read as bytes.
 
 A robot's messages differ from step to step in their stamp and their numbers only. A `WireFormat`
-serialises one with rclpy, finds where the numbers lie, and from then on copies numbers in and
-out: the bytes are those of rclpy, at a fraction of its time.
+serialises one with rclpy, sees that the numbers lie where its layout has them, and from then on
+copies numbers in and out: the bytes are those of rclpy, at a fraction of its time.
 """
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from rclpy.serialization import deserialize_message, serialize_message
 
+from sim_node.message_layout import place
+
+_ENCAPSULATION = slice(0, 4)
 _STAMP = slice(4, 12)  # builtin_interfaces/Time leads every stamped message, after 4 bytes of CDR
 _TIME = struct.Struct('<iI')  # its sec and nanosec
 _MAX_KNOWN = 64
@@ -21,12 +24,11 @@ class WireFormat:
     """One kind of message: all its parts are fixed but the stamp and the named numbers.
 
     Args:
-        message: an example; where it holds one of `numbers`, it holds exactly these values.
-        numbers: arrays of distinct non-zero values, each standing once in the message; they give
-            type, length and place of what `encode` writes and `decode` reads.
-        tail: bytes behind the last number, where rclpy reserves more than the message takes (it
-            does so for empty sequences); None to keep what rclpy gives.
-        stamped: its first field is a header or a time, which `encode` writes too.
+        message: an example.
+        layout: of its bytes, from `sim_node.message_layout`. If it begins with a stamp, `encode`
+            writes that, too.
+        numbers: what the example holds in the fields that `encode` writes and `decode` reads, by
+            their name, as arrays of the type that they are to have.
         check: called with a whole message that was not seen before; raises if its fixed parts
             are not acceptable.
     """
@@ -34,25 +36,18 @@ class WireFormat:
     def __init__(
         self,
         message: Any,
-        numbers: dict[str, np.ndarray],
-        *,
-        tail: int | None = None,
-        stamped: bool = True,
+        layout: np.dtype,
+        numbers: Mapping[str, np.ndarray],
         check: Callable[[Any], None] = lambda message: None,
     ) -> None:
         self._type, self._check = type(message), check
-        data = bytearray(serialize_message(message))
-        self._slots: dict[str, tuple[slice, np.dtype]] = {}
-        for name, values in numbers.items():
-            needle = values.tobytes()
-            begin = data.find(needle)
-            if begin < 0 or data.find(needle, begin + 1) >= 0:
-                raise AssertionError(f'{self._type.__name__}: {name} must stand once')
-            self._slots[name] = slice(begin, begin + len(needle)), values.dtype
-        if tail is not None:
-            del data[max(where.stop for where, _ in self._slots.values()) + tail :]
-        self._data = data
-        regions = [where for where, _ in self._slots.values()] + [_STAMP] * stamped
+        self._data = data = _serialized(message, layout)
+        self._slots = {n: (place(layout, n), values.dtype) for n, values in numbers.items()}
+        for name, (where, _) in self._slots.items():
+            if data[where] != numbers[name].tobytes():
+                raise AssertionError(f'{self._type.__name__}: {name} is not at {where}')
+        regions = [where for where, _ in self._slots.values()]
+        regions += [_STAMP] * ('sec' in (layout.names or ()))
         regions.sort(key=lambda where: where.start)
         edges = [0, *(e for where in regions for e in (where.start, where.stop)), len(data)]
         self._fixed = [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
@@ -92,3 +87,19 @@ class WireFormat:
         slots = [self._slots[name] for name in names]
         numbers = [np.frombuffer(data[where], dtype) for where, dtype in slots]
         return _TIME.unpack_from(data, _STAMP.start), numbers
+
+
+def _serialized(message: Any, layout: np.dtype) -> bytearray:
+    """Return the bytes of a message, of which it is checked that they have this layout.
+
+    rclpy leaves between two fields whatever its memory held, and reserves more at the end than
+    empty sequences take. Here the gaps are zero, and the end is the layout's.
+    """
+    kind, told = type(message), serialize_message(message)
+    data = bytearray(layout.itemsize)
+    for part in (_ENCAPSULATION, *(place(layout, name) for name in layout.names or ())):
+        data[part] = told[part]
+    whole = len(data) == layout.itemsize
+    if not whole or deserialize_message(bytes(data), kind) != deserialize_message(told, kind):
+        raise AssertionError(f'{kind.__name__}: rclpy has another layout')
+    return data

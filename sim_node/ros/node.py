@@ -6,6 +6,7 @@ It never computes a control signal itself.
 """
 
 import time
+from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
@@ -43,14 +44,15 @@ class SimNode(RosNode):
         warm_up('simulation', lambda: self.simulation.step(np.zeros(len(self._voxels))))
         self._make_topics()
         self._make_services()
-        self._answers = Answers(self._voxels, hold=self._options.real_time_factor > 0.0)
+        factor = self._options.real_time_factor
+        self._real_time = factor > 0.0
+        self._answers = Answers(self._voxels, hold=self._real_time)
         self._begun, self._paused = False, self._options.start_paused
         self._to_make: int | None = None
         self._waiting_since = time.monotonic()
         self._named_step = -1
         self._times = StepTimes()
-        factor = self._options.real_time_factor
-        self._pace = Pace(CONTROL_RATE * factor) if factor else None
+        self._pace = Pace(CONTROL_RATE * (factor or 1.0))  # of use in real time only
         self._tick_timer = self.create_timer(1.0, self._tick, autostart=False)
         self.create_timer(0.25, self._watch)
         if self._options.recorders:
@@ -88,7 +90,7 @@ class SimNode(RosNode):
         """Put the robot down, expect every voxel again, and publish step 0."""
         self._episode = new_episode(self.simulation.solver.physics)
         self._begun, self._to_make = True, None
-        if not self._pace:
+        if not self._real_time:
             self._answers.silent.clear()
         self._answers.restart(time.monotonic())
         self._tick_timer.cancel()
@@ -145,7 +147,7 @@ class SimNode(RosNode):
     @property
     def _free_running(self) -> bool:
         """Tell whether steps are made when they are due, whoever has answered."""
-        return self._pace is not None and self.simulation.step_count >= START_STEPS
+        return self._real_time and self.simulation.step_count >= START_STEPS
 
     def _make_step(self) -> None:
         self._to_make = None if self._to_make is None else self._to_make - 1
@@ -160,7 +162,7 @@ class SimNode(RosNode):
         if self.simulation.step_count > START_STEPS:
             self._times.note(time.monotonic())
         self._publish_step()
-        if self._pace and self.simulation.step_count == START_STEPS and not self._paused:
+        if self._real_time and self.simulation.step_count == START_STEPS and not self._paused:
             self._run_freely()
 
     def _run_freely(self) -> None:
@@ -208,9 +210,9 @@ class SimNode(RosNode):
             f'no actuation for step {step} within {limit:g} s from: {", ".join(missing)}'
         )
         self._answers.silent.update(missing)
-        if self._pace is None and self._options.on_silence == 'stop':
+        if not self._real_time and self._options.on_silence == 'stop':
             self.exit_code = _FAILED
-        elif self._pace is None and len(self._answers.silent) == len(self._voxels):
+        elif not self._real_time and len(self._answers.silent) == len(self._voxels):
             self.get_logger().error('every voxel is silent')
             self.exit_code = _FAILED
         else:
@@ -239,9 +241,9 @@ class SimNode(RosNode):
             return DiagnosticStatus.WARN, f'step {step} waits for {missing}'
         return DiagnosticStatus.OK, f'running, step {step}'
 
-    def figures(self) -> dict[str, object]:
+    def figures(self) -> Mapping[str, object]:
         """Return step times and what came over the links, for /diagnostics."""
-        missed = {'missed deadlines': self._pace.missed} if self._pace else {}
+        missed = {'missed deadlines': self._pace.missed} if self._real_time else {}
         links = {
             f'{voxel}/{topics.ACTUATION_TOPIC}': link
             for voxel, link in zip(self._voxels, self._answers.links, strict=True)

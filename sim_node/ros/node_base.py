@@ -5,12 +5,13 @@ import platform
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.callback_groups import CallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.exceptions import (
@@ -18,20 +19,16 @@ from rclpy.exceptions import (
     InvalidParameterValueException,
     ParameterUninitializedException,
 )
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from rclpy.task import Future
+from rclpy.timer import Timer
 
 from sim_node.errors import InvalidInput, near_miss
 from sim_node.ros import security
-
-try:
-    from rclpy.experimental import EventsExecutor
-except ImportError:  # an older rclpy
-    EventsExecutor = None
 
 BAD_INPUT = 2
 
@@ -90,10 +87,17 @@ class RosNode(Node):
     def exit_code(self, code: int) -> None:
         self.ended.set_result(code)
 
-    def create_timer(self, period: float, callback: Callable[[], None], **options: Any) -> Any:
+    def create_timer(
+        self,
+        timer_period_sec: float,
+        callback: Callable[..., Any],
+        callback_group: CallbackGroup | None = None,
+        clock: Clock | None = None,
+        autostart: bool = True,
+    ) -> Timer:
         """Create a timer on wall time: it must go on when simulated time stands still."""
-        options.setdefault('clock', Clock(clock_type=ClockType.STEADY_TIME))
-        return super().create_timer(period, callback, **options)
+        clock = clock or Clock(clock_type=ClockType.STEADY_TIME)
+        return super().create_timer(timer_period_sec, callback, callback_group, clock, autostart)
 
     def parameter(
         self,
@@ -120,18 +124,21 @@ class RosNode(Node):
         descriptor = ParameterDescriptor(
             description=text, read_only=True, dynamic_typing=any_type
         )
-        if isinstance(default, float) and low is not None:
-            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
-        elif low is not None:
-            descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
         expected = f'{type(default).__name__}: {text}'
-        if low is not None:
+        if low is not None and high is not None:
             expected = f'{type(default).__name__} from {low:g} to {high:g}: {text}'
+            if isinstance(default, float):
+                of_floats = FloatingPointRange(from_value=low, to_value=high)
+                descriptor.floating_point_range = [of_floats]
+            else:
+                of_integers = IntegerRange(from_value=int(low), to_value=int(high))
+                descriptor.integer_range = [of_integers]
         override = self._parameter_overrides.get(name)
         given = override.value if override is not None else None
-        if type(given) in (int, float) and isinstance(default, (float, str)) and not any_type:
+        number = given if type(given) in (int, float) else None
+        if number is not None and isinstance(default, (float, str)) and not any_type:
             # What looks like a number to ROS may be meant as 1.0, as the grid 11111, as a share.
-            value = type(default)(given)
+            value = type(default)(number)
             self._parameter_overrides[name] = rclpy.Parameter(name, value=value)
         try:
             return self.declare_parameter(name, default, descriptor).value
@@ -184,7 +191,7 @@ class RosNode(Node):
         """Return (DiagnosticStatus level, one line); nodes override it."""
         return DiagnosticStatus.OK, 'running'
 
-    def figures(self) -> dict[str, object]:
+    def figures(self) -> Mapping[str, object]:
         """Return what /diagnostics shows besides the counters; nodes override it."""
         return {}
 
@@ -206,9 +213,13 @@ class RosNode(Node):
         self._diagnostics.publish(message)
 
 
-def new_executor() -> Any:
+def new_executor() -> Executor:
     """Return the fastest executor that this rclpy has."""
-    return (EventsExecutor or SingleThreadedExecutor)()
+    try:
+        from rclpy.experimental import EventsExecutor
+    except ImportError:  # an older rclpy
+        return SingleThreadedExecutor()
+    return EventsExecutor()
 
 
 class _Stop:

@@ -9,6 +9,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from sim_node import message_layout
 from sim_node.control_time import step_of_stamp
 from sim_node.drawing import area_colors
 from sim_node.episode import EXAMPLE_EPISODE, check_frame, frame_of
@@ -61,9 +62,9 @@ def _joint_state_format(voxel: str, names: list[str]) -> WireFormat:
             raise InvalidInput('velocity, effort', 'values', 'none')
         check_frame(voxel, received.header.frame_id)
 
-    empty = 2 * 4  # the lengths of velocity and effort
-    numbers_of = {'position': numbers, 'episode': np.frombuffer(EXAMPLE_EPISODE, np.uint8)}
-    return WireFormat(message, numbers_of, tail=empty, check=check)
+    layout = message_layout.joint_state(voxel, EXAMPLE_EPISODE, names)
+    episode = np.frombuffer(EXAMPLE_EPISODE, np.uint8)
+    return WireFormat(message, layout, {'position': numbers, 'episode': episode}, check)
 
 
 def sensors_format(voxel: str) -> WireFormat:
@@ -95,7 +96,7 @@ def read_joint_state(wire: WireFormat, data: bytes, low: float, high: float):
 
 def clock_format() -> WireFormat:
     """Return the format of /clock."""
-    return WireFormat(Clock(), {})
+    return WireFormat(Clock(), message_layout.clock(), {})
 
 
 def odometry_format(child_frame: str) -> WireFormat:
@@ -109,7 +110,8 @@ def odometry_format(child_frame: str) -> WireFormat:
     pose, twist = message.pose.pose.position, message.twist.twist.linear
     pose.x, pose.y, pose.z = position
     twist.x, twist.y, twist.z = velocity
-    return WireFormat(message, {'position': position, 'velocity': velocity})
+    layout = message_layout.odometry(WORLD_FRAME, child_frame)
+    return WireFormat(message, layout, {'position': position, 'velocity': velocity})
 
 
 def upright(vector: np.ndarray) -> np.ndarray:
@@ -129,20 +131,23 @@ class RobotMarkers:
 
     def __init__(self, n_voxels: int) -> None:
         n_fill, n_line = n_voxels * len(_TRIANGLES), n_voxels * len(_OUTLINE)
-        self._fill = np.arange(1.0, 3 * n_fill + 1) / 3.0
-        self._line = np.arange(1.0, 3 * n_line + 1) / 7.0
-        self._color = (np.arange(1.0, 4 * n_fill + 1) / 11.0).astype(np.float32)
+        fill = np.arange(1.0, 3 * n_fill + 1).reshape(-1, 3) / 3.0
+        line = np.arange(1.0, 3 * n_line + 1).reshape(-1, 3) / 7.0
+        color = (np.arange(1.0, 4 * n_fill + 1).reshape(-1, 4) / 11.0).astype(np.float32)
         voxels = _marker('voxels', 0, Marker.TRIANGLE_LIST, 1.0)
-        voxels.points = _points(self._fill)
-        voxels.colors = [
-            ColorRGBA(r=r, g=g, b=b, a=a) for r, g, b, a in self._color.reshape(-1, 4).tolist()
-        ]
+        voxels.points = _points(fill)
+        voxels.colors = [ColorRGBA(r=r, g=g, b=b, a=a) for r, g, b, a in color.tolist()]
         outlines = _marker('outlines', 0, Marker.LINE_LIST, 0.06)
-        outlines.points = _points(self._line)
+        outlines.points = _points(line)
         outlines.color = ColorRGBA(r=0.1, g=0.1, b=0.1, a=1.0)
         # Stamp 0 means "the latest" to viewers, so that no marker is ever too old to be drawn.
-        numbers = {'fill': self._fill, 'color': self._color, 'line': self._line}
-        self._wire = WireFormat(MarkerArray(markers=[voxels, outlines]), numbers, stamped=False)
+        self._wire = WireFormat(
+            MarkerArray(markers=[voxels, outlines]),
+            message_layout.markers(
+                (WORLD_FRAME, 'voxels', n_fill, n_fill), (WORLD_FRAME, 'outlines', n_line, 0)
+            ),
+            {'voxels_points': fill, 'voxels_colors': color, 'outlines_points': line},
+        )
         self._size = len(self._wire.encode())
 
     def encode(self, corners: np.ndarray, area_ratios: np.ndarray) -> bytes:
@@ -150,13 +155,15 @@ class RobotMarkers:
         points = upright(corners)
         colors = np.repeat(area_colors(area_ratios), len(_TRIANGLES), axis=0)
         return self._wire.encode(
-            fill=points[:, _TRIANGLES], color=colors, line=points[:, _OUTLINE]
+            voxels_points=points[:, _TRIANGLES],
+            voxels_colors=colors,
+            outlines_points=points[:, _OUTLINE],
         )
 
     def decode(self, data: bytes) -> np.ndarray | None:
         """Return the (n, 4, 2) corners [m] of a message of `encode`, None of any other."""
         try:
-            _, (fill,) = self._wire.decode(data[: self._size], 'fill')  # DDS pads
+            _, (fill,) = self._wire.decode(data[: self._size], 'voxels_points')  # DDS pads
         except Exception:  # what rclpy says about bytes of another layout
             return None
         return fill.reshape(-1, len(_TRIANGLES), 3)[:, _CORNERS][..., [0, 2]]
@@ -180,5 +187,5 @@ def _marker(namespace: str, number: int, kind: int, scale: float) -> Marker:
     return marker
 
 
-def _points(flat: np.ndarray) -> list[Point]:
-    return [Point(x=x, y=y, z=z) for x, y, z in flat.reshape(-1, 3).tolist()]
+def _points(places: np.ndarray) -> list[Point]:
+    return [Point(x=x, y=y, z=z) for x, y, z in places.tolist()]

@@ -41,9 +41,9 @@ class LiveView:
     def spin_once(self) -> None:
         """Do what is due, within a frame's time."""
         rclpy.spin_once(self._node, timeout_sec=PERIOD)
-        for process in [p for p in self._killed if self._running.exit_code(p) is None]:
-            self._killed.remove(process)  # started again, by the page or to respawn it
-            for name in process.names:
+        for revived in [p for p in self._killed if self._running.exit_code(p) is None]:
+            self._killed.remove(revived)  # started again, by the page or to respawn it
+            for name in revived.names:
                 self._node.note_started(name)
         while not self._server.commands.empty():
             command = self._server.commands.get()

@@ -3,6 +3,7 @@
 import numpy as np
 from sensor_msgs.msg import Image
 
+from sim_node import message_layout
 from sim_node.control_time import step_of_stamp
 from sim_node.episode import EXAMPLE_EPISODE, check_frame, frame_of
 from sim_node.errors import InvalidInput
@@ -29,10 +30,7 @@ class CellMessages:
         n_destinations, n_c, width = self._shape
         count = n_destinations * n_c * width
         dtype = np.uint8 if self._spiking else np.float64
-        # An example that stands out: no other part of the message looks like it.
-        example = np.arange(1, count + 1).astype(dtype) if self._spiking else (
-            np.arange(1, count + 1) / 7.0
-        )
+        example = np.arange(1, count + 1).astype(dtype)
         image = Image(
             height=n_destinations * n_c,
             width=width,
@@ -47,8 +45,9 @@ class CellMessages:
         }
         self._voxel, self._n_bytes = voxel, len(image.data)
         episode = np.frombuffer(EXAMPLE_EPISODE, np.uint8)
+        layout = message_layout.image(voxel, EXAMPLE_EPISODE, image.encoding, self._n_bytes)
         numbers = {'data': example, 'episode': episode}
-        self._wire = WireFormat(image, numbers, check=self._check)
+        self._wire = WireFormat(image, layout, numbers, self._check)
 
     def _check(self, image: Image) -> None:
         check_frame(self._voxel, image.header.frame_id)

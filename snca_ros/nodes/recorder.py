@@ -25,6 +25,8 @@ from rosbags.interfaces import (
     QosTime,
 )
 from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2.storage_mcap import McapWriter
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 from rosbags.typesys import Stores, get_typestore
 
 from sim_node.errors import check_name
@@ -116,11 +118,12 @@ class RecorderNode(RosNode):
 
     def _flush(self) -> None:
         """Hand what was written to the system; end while there is room to end."""
-        if self.exit_code is not None:
+        storage = self._writer.storage
+        if self.exit_code is not None or storage is None:
             return
         with self._ending_on_error('written'):
             flush(self._writer)
-            room = room_for(self._writer.storage.path)
+            room = room_for(storage.path)
             if room < RESERVE:
                 raise OSError(f'only {room / 1e6:.1f} MB left on the disk or of the size limit')
 
@@ -151,9 +154,9 @@ class RecorderNode(RosNode):
 def flush(writer: Writer) -> None:
     """Hand what an open bag was told to the operating system, in the form that readers know."""
     storage = writer.storage
-    if writer.storage_plugin is StoragePlugin.SQLITE3:
+    if isinstance(storage, Sqlite3Writer):
         storage.conn.commit()
-    elif storage.chunk.bio.tell():
+    elif isinstance(storage, McapWriter) and storage.chunk.bio.tell():
         storage.close_chunk()
         storage.bio.flush()
 

@@ -76,7 +76,7 @@ class VoxelNode(RosNode):
         self._look_timer = self.create_timer(_LOOK_PERIOD, self._try_step)
         self._look_timer.cancel()
         # Nobody may step for long: a flood would push out of the mailboxes what is needed then.
-        self.create_timer(_SWEEP_PERIOD, lambda: self._joined and self._take_messages())
+        self.create_timer(_SWEEP_PERIOD, self._take_messages)
         self._episode = b''
         self._past: deque[bytes] = deque(maxlen=_EPISODES)
         self._received = {d: Pending() for d in self._neighbors}
@@ -158,7 +158,7 @@ class VoxelNode(RosNode):
             self._try_step()
 
     def _take_messages(self) -> None:
-        for direction, take in self._mailboxes.items():
+        for direction, take in self._mailboxes.items() if self._joined else ():
             for data in take():
                 self._note_message(direction, data)
 
@@ -200,7 +200,7 @@ class VoxelNode(RosNode):
         waiting = ', '.join(self._neighbors[d] for d in self._awaited()) or 'nobody'
         return DiagnosticStatus.OK, f'step {self._step} waits for {waiting}'
 
-    def figures(self) -> dict[str, object]:
+    def figures(self) -> dict[str, int]:
         """Return what came over the links, for /diagnostics."""
         topic = topic_name(self._architecture)
         links = {f'{self._voxel}/{topics.SENSORS_TOPIC}': self._sensors_link}
@@ -246,7 +246,7 @@ class VoxelNode(RosNode):
             self.count('times a neighbour fell silent')
         self._look_timer.cancel()
         self._collect()
-        self._publish_step()
+        self._publish_step(self._readings)
 
     def _collect(self) -> None:
         """Move the neighbours' messages of the step before into the inbox."""
@@ -259,7 +259,7 @@ class VoxelNode(RosNode):
             else:
                 self._inbox[d] = message[OPPOSITE[d] if self._architecture.directional else 0]
 
-    def _publish_step(self) -> None:
+    def _publish_step(self, readings: np.ndarray) -> None:
         self._mismatch.note(self._episode)
         stamp = stamp_of_step(self._step)
         heard = self._faults.hear(self._step, self._inbox)
@@ -267,7 +267,7 @@ class VoxelNode(RosNode):
             self._cells.reset()  # limp, silent, and to start afresh
             a = 0.0
         else:
-            a = self._cells.step_cell(0, self._readings, heard, self._step)
+            a = self._cells.step_cell(0, readings, heard, self._step)
         self._readings = None
         episode = np.frombuffer(self._episode, np.uint8)
         self._messages_out.publish(self._messages.encode(episode, stamp, self._cells.outbox[0]))

@@ -3,10 +3,12 @@
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
+from sim_node import message_layout
 from sim_node.errors import InvalidInput
 from snca_ros.recording.storage import Topic
 from snca_ros.recording.streams import Stream
@@ -74,26 +76,38 @@ def _read(topic: Topic, n_voxels: int) -> tuple[np.ndarray, np.ndarray, np.ndarr
     found, times, ground = [], [], None
     head, size = b'', -1
     for time, data in zip(topic.times.tolist(), topic.messages, strict=True):
-        if len(data) != size or not data.startswith(head):
+        if len(data) == size and data.startswith(head):
+            points = np.frombuffer(data, np.float64, 3 * n, len(head))
+        else:
             markers = _markers(data)
-            if 'ground' in markers:
-                ground = markers['ground'][:, [0, 2]]
-            if len(markers.get('voxels', ())) != n:
+            told = {marker.ns: _points(marker.points) for marker in markers}
+            ground = told['ground'][:, [0, 2]] if 'ground' in told else ground
+            if len(told.get('voxels', ())) != n:
                 continue
-            head, size = data[: data.index(markers['voxels'].tobytes())], len(data)
-        found.append(np.frombuffer(data, np.float64, 3 * n, len(head)))
+            points = told['voxels'].ravel()
+            head, size = _shape(data, markers[0], points)
+        found.append(points)
         times.append(time)
     corners = np.array(found).reshape(-1, n_voxels, 6, 3)[:, :, _CORNERS][..., [0, 2]]
     return corners, np.array(times, dtype=np.int64), ground
 
 
-def _markers(data: bytes) -> dict[str, np.ndarray]:
-    """Return the (n, 3) points of each marker of a message by its namespace."""
+def _shape(data: bytes, first: Any, points: np.ndarray) -> tuple[bytes, int]:
+    """Return what comes before the points of a message's first marker, and its whole length.
+
+    If the first marker has other points, no message is (b'', -1).
+    """
+    layout = message_layout.markers((first.header.frame_id, first.ns, len(points) // 3, 0))
+    begin = message_layout.place(layout, f'{first.ns}_points')
+    return (data[: begin.start], len(data)) if data[begin] == points.tobytes() else (b'', -1)
+
+
+def _markers(data: bytes) -> list[Any]:
+    """Return the markers of a message."""
     try:
-        found = _types().deserialize_cdr(data, _TYPE).markers
+        return _types().deserialize_cdr(data, _TYPE).markers
     except Exception:  # another's bytes of another layout, which no viewer shows either
-        return {}
-    return {marker.ns: _points(marker.points) for marker in found}
+        return []
 
 
 def _points(points: Sequence) -> np.ndarray:

@@ -2,21 +2,22 @@
 
 import contextlib
 import io
+import operator
 import sqlite3
 import struct
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from mcap.exceptions import EndOfFile
+from mcap.records import Channel, McapRecord, Message, Schema
+from mcap.stream_reader import StreamReader
 from rosbags.rosbag2 import Reader
 
 from sim_node.errors import InvalidInput
 
 _EXPECTED = 'a rosbag2 folder with metadata.yaml and .mcap or .db3 files'
-_MAGIC = b'\x89MCAP0\r\n'
-_RECORD_HEAD = struct.Struct('<BQ')
-_FOOTER_WITHOUT_SUMMARY = b'\x02' + (20).to_bytes(8, 'little') + bytes(20)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +35,25 @@ class Topic:
     messages: list[bytes]
 
 
+class _Found:
+    """What was read so far, by topic: type, times [ns] and messages."""
+
+    def __init__(self) -> None:
+        self.topics: dict[str, tuple[str, list[int], list[bytes]]] = {}
+
+    def add_topic(self, name: str, kind: str) -> None:
+        """Note that there is a topic; InvalidInput if it is known and of another type."""
+        known, *_ = self.topics.setdefault(name, (kind, [], []))
+        if known != kind:
+            raise InvalidInput(name, kind, known)
+
+    def add_message(self, name: str, time: int, data: bytes) -> None:
+        """Add a message of a known topic."""
+        _, times, messages = self.topics[name]
+        times.append(time)
+        messages.append(data)
+
+
 def read_storage(path: Path) -> tuple[dict[str, Topic], bool]:
     """Return the topics of the bag at `path`, and whether its recorder had closed it.
 
@@ -41,35 +61,37 @@ def read_storage(path: Path) -> tuple[dict[str, Topic], bool]:
         InvalidInput: there is no bag, or it cannot be read; the text names it and the reason.
     """
     closed = (path / 'metadata.yaml').exists()
+    found = _Found()
     try:
-        found: dict[str, tuple[str, list[int], list[bytes]]] = {}
-        for source in [path] if closed else _orphans(path):
-            with Reader(source) as reader:
-                for connection in reader.connections:
-                    kind, *_ = found.setdefault(connection.topic, (connection.msgtype, [], []))
-                    if kind != connection.msgtype:
-                        raise InvalidInput(connection.topic, connection.msgtype, kind)
-                for connection, time, data in reader.messages() if found else ():
-                    _, times, messages = found[connection.topic]
-                    times.append(time)
-                    messages.append(bytes(data))
+        if closed:
+            _read_whole(path, found)
+        else:
+            for file in _orphans(path):
+                read = _read_cut_mcap if file.suffix == '.mcap' else _read_whole
+                read(file, found)
     except InvalidInput as error:
         raise error.found_in(str(path)) from None
-    except Exception as error:  # rosbags lets whatever a damaged file provokes through
+    except Exception as error:  # rosbags and mcap let whatever a damaged file provokes through
         reason = str(error) or type(error).__name__
         raise InvalidInput('bag', ' '.join(reason.split()), _EXPECTED, str(path)) from None
     topics = {
         name: Topic(kind, np.array(times, dtype=np.int64), messages)
-        for name, (kind, times, messages) in found.items()
+        for name, (kind, times, messages) in found.topics.items()
     }
     return topics, closed
 
 
-def _orphans(path: Path) -> list[Any]:
-    """Return what to read of a bag whose recorder was killed before it wrote metadata.
+def _read_whole(source: Path, found: _Found) -> None:
+    """Read a bag's folder, or a file of sqlite3."""
+    with Reader(source) as reader:
+        for connection in reader.connections:
+            found.add_topic(connection.topic, connection.msgtype)
+        for connection, time, data in reader.messages() if reader.connections else ():
+            found.add_message(connection.topic, time, bytes(data))
 
-    These are paths, as far as rosbags is concerned.
-    """
+
+def _orphans(path: Path) -> list[Path]:
+    """Return the files of a bag whose recorder was killed before it wrote metadata."""
     if not path.is_dir():
         raise InvalidInput('bag', 'a file' if path.exists() else 'no such folder', _EXPECTED)
     files = sorted(p for p in path.iterdir() if p.suffix in ('.mcap', '.db3'))
@@ -80,38 +102,34 @@ def _orphans(path: Path) -> list[Any]:
             # Opening it lets SQLite take back what was not committed.
             with contextlib.closing(sqlite3.connect(file)) as database:
                 database.execute('SELECT count(*) FROM messages').fetchone()
-    return [_MendedMcap(p) if p.suffix == '.mcap' else p for p in files]
+    return files
 
 
-class _MendedMcap:
-    """An MCAP file that ends after its last whole record; to rosbags a path.
+def _read_cut_mcap(file: Path, found: _Found) -> None:
+    """Read an MCAP file up to its last whole record."""
+    schemas: dict[int, str] = {}
+    topics: dict[int, str] = {}
+    messages: list[tuple[int, str, bytes]] = []
+    for record in _whole_records(file.read_bytes()):
+        if isinstance(record, Schema):
+            schemas[record.id] = record.name
+        elif isinstance(record, Channel):
+            topics[record.id] = record.topic
+            found.add_topic(record.topic, schemas[record.schema_id])
+        elif isinstance(record, Message):
+            messages.append((record.log_time, topics[record.channel_id], record.data))
+    for time, topic, data in sorted(messages, key=operator.itemgetter(0)):  # as rosbags does
+        found.add_message(topic, time, data)
 
-    A recorder that was killed leaves no summary, and half a record perhaps; rosbags reads a file
-    without summary from end to end, but wants the closing bytes.
+
+def _whole_records(data: bytes) -> Iterator[McapRecord]:
+    """Yield the records of an MCAP file, with those in its chunks, up to where it is cut.
+
+    A recorder that was killed leaves no summary, and half a record perhaps.
     """
-
-    suffix = '.mcap'
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def __str__(self) -> str:
-        return str(self._path)
-
-    def exists(self) -> bool:
-        return self._path.exists()
-
-    def is_dir(self) -> bool:
-        return False
-
-    def open(self, mode: str) -> io.BytesIO:
-        data = self._path.read_bytes()
-        if data[-len(_MAGIC) :] == _MAGIC and len(data) > len(_MAGIC):
-            return io.BytesIO(data)
-        end = len(_MAGIC)
-        while end + _RECORD_HEAD.size <= len(data):
-            _, size = _RECORD_HEAD.unpack_from(data, end)
-            if end + _RECORD_HEAD.size + size > len(data):
-                break
-            end += _RECORD_HEAD.size + size
-        return io.BytesIO(data[:end] + _FOOTER_WITHOUT_SUMMARY + _MAGIC)
+    stream = io.BytesIO(data)
+    try:
+        yield from StreamReader(stream, validate_crcs=True).records
+    except (EndOfFile, struct.error, UnicodeDecodeError):  # what it says of half a record
+        if stream.tell() < len(data):  # that is no cut
+            raise

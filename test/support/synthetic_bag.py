@@ -170,7 +170,8 @@ def write_messages(
 ) -> Path:
     """Write messages, step by step, into a new bag; `silent` topics have a type and no message.
 
-    With `killed` it is left as a recorder leaves it that is killed: chunks, and half a record.
+    With `killed` it is left as a recorder leaves it that is killed: a chunk for each step, and half
+    a record.
     """
     writer = Writer(path, version=9, storage_plugin=STORAGES[storage])
     writer.open()
@@ -185,8 +186,9 @@ def write_messages(
                 connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
             time = 10**18 + k * STEP_TIME + i
             writer.write(connections[topic], time, STORE.serialize_cdr(message, kind))
+        if killed:
+            writer.storage.close_chunk()
     if killed:
-        writer.storage.close_chunk()
         writer.storage.bio.write(b'\x06\x00\x01')
         writer.storage.bio.close()
     else:

@@ -3,6 +3,7 @@
 import contextlib
 import itertools
 import shutil
+import struct
 import subprocess
 import sys
 from dataclasses import replace
@@ -248,6 +249,47 @@ def test_what_a_killed_recorder_left_is_read(tmp_path):
     bag = read_bag(path)
     assert not bag.closed
     np.testing.assert_array_equal(bag.centers, walk.centers[:7])
+
+
+@pytest.fixture(scope='module')
+def killed(tmp_path_factory):
+    """What a killed recorder left of `make_walk(N_STEPS)`, and where each step's chunk ends."""
+    path = write_messages(
+        tmp_path_factory.mktemp('killed') / 'bag', messages_of_walk(make_walk(N_STEPS)), killed=True
+    )
+    data, at, ends = (path / 'bag.mcap').read_bytes(), 8, []
+    while at + 9 < len(data):
+        kind, size = struct.unpack_from('<BQ', data, at)
+        at += 9 + size
+        ends += [at] * (kind == 6)
+    assert len(ends) == N_STEPS + 1
+    return data, ends
+
+
+@settings(max_examples=100)
+@given(data=st.data())
+def test_a_bag_cut_anywhere_is_read_up_to_there(tmp_path_factory, killed, data):
+    content, ends = killed
+    near = st.sampled_from(ends).flatmap(lambda end: st.integers(end - 2, end + 2))
+    end = data.draw(st.one_of(st.integers(0, len(content)), near))
+    folder = tmp_path_factory.mktemp('cut')
+    (folder / 'bag.mcap').write_bytes(content[:end])
+    n_whole = sum(at <= end for at in ends)
+    if n_whole:
+        bag = read_bag(folder)
+        assert not bag.closed
+        np.testing.assert_array_equal(bag.centers, make_walk(N_STEPS).centers[:n_whole])
+    else:
+        assert 'odometry of none among 0 topics' in refused(folder)
+    shutil.rmtree(folder)
+
+
+def test_a_damaged_bag_that_was_never_closed_is_refused(tmp_path, killed):
+    content, ends = killed
+    damaged = bytearray(content)
+    damaged[ends[3] - 1500 : ends[3] - 500] = b'\xff' * 1000
+    (tmp_path / 'bag.mcap').write_bytes(damaged)
+    refused(tmp_path)
 
 
 def test_what_a_killed_recorder_had_not_committed_is_taken_back(tmp_path, monkeypatch):

@@ -62,6 +62,22 @@ def test_markers_of_others_do_no_harm(tmp_path):
     np.testing.assert_array_equal(poses.corners, walk.corners[::2])
 
 
+@pytest.mark.parametrize('before', [{}, {'outlines': np.ones((4, 2))}])
+def test_poses_may_come_behind_another_marker_and_again(tmp_path, before):
+    walk = moving_walk()
+    triangles = walk.corners[:, :, [0, 1, 2, 0, 2, 3]].reshape(len(walk.corners), -1, 2)
+    messages = [
+        [(topic, m) for topic, m in step if not topic.endswith('/markers')]
+        for step in messages_of_walk(walk)
+    ]
+    messages[0].append(('/biped/markers', markers({'ground': GROUND})))
+    for k in range(0, 22, 2):
+        shown = {**before, 'voxels': triangles[min(k, 10)]}
+        messages[k].append(('/biped/markers', markers(shown)))
+    poses = read_bag(write_messages(tmp_path / 'bag', messages)).poses
+    np.testing.assert_array_equal(poses.corners, walk.corners[np.minimum(poses.steps, 10)])
+
+
 def test_a_bag_whose_markers_show_nothing_has_no_poses(tmp_path):
     bag = write_messages(tmp_path / 'bag', messages_of_walk(make_walk(5)))
     assert read_bag(bag).poses is None
