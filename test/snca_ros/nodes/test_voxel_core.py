@@ -268,6 +268,17 @@ def test_new_episode_begins_with_what_others_said_in_it_first():
     assert cell.told[-1][2].tolist() == [0.0, 9.0, 0.0, 9.0]
 
 
+def test_silent_neighbour_is_waited_for_again_in_a_new_episode():
+    core, _ = make_core(patience=1.0)
+    sense(core, 9)
+    assert core.answer(1.0).fallen == (LEFT, RIGHT)
+    sense(core, 0, EPISODES[1])
+    assert core.answer(1.0).step == 0
+    sense(core, 1, EPISODES[1], now=1.0)
+    assert core.awaited == [LEFT, RIGHT]
+    assert core.answer(10.9) is None
+
+
 def test_joins_at_the_newest_step_when_nothing_newer_comes():
     core, cell = make_core(joined=False)
     assert not core.join(lambda episode: False), 'nothing has come'
@@ -286,10 +297,9 @@ def test_does_not_wait_for_a_pause_that_never_comes():
     core, _ = make_core(joined=False)
     waited = []
     for step in range(30):
-        sense(core, step, now=step / 60)
+        sense(core, step, now=50.0 + step / 64)
         waited.append(core.joining)
-    assert waited.index(False) == 12
-    assert not any(waited[12:])
+    assert waited == [True] * 13 + [False] * 17, 'after 0.2 s'
 
 
 def test_double_is_held_back_until_the_other_is_gone():
