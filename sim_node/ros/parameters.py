@@ -94,9 +94,10 @@ def _declared(node: RosNode, prefix: str, defaults: Material | Solver) -> dict[s
             text = f'{meta["text"]}: {choices}'
             values[f.name] = node.parameter(name, default, text, any_type=any_type)
         else:
-            kind = type(f.default)  # a file may have 1 where 1.0 is meant
+            if isinstance(f.default, float):  # a file may have 1 where 1.0 is meant
+                default = float(default)
             text = f'{meta["text"]} [{meta["unit"] or "1"}]'
-            values[f.name] = node.parameter(name, kind(default), text, meta['low'], meta['high'])
+            values[f.name] = node.parameter(name, default, text, meta['low'], meta['high'])
     return values
 
 

@@ -27,8 +27,9 @@ from snca_ros.graph.live_view import LiveView
 from snca_ros.graph.processes import RunningGraph
 from snca_ros.graph.supervisor import supervise_walk
 from snca_ros.nodes.recorder import STORAGES
-from snca_ros.recording.bag import Recording, read_bag
+from snca_ros.recording.bag import read_bag
 from snca_ros.recording.gait import measure_gait
+from snca_ros.recording.offline import compare_with_twin
 from snca_ros.web.server import check_port
 
 VIEW_PORT = 8765
@@ -118,7 +119,10 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         return code
     recording = read_bag(bag)
     print_report(recording, measure_gait(recording), bag / 'report.png')
-    return _compare(recording, offline, may_differ=args.respawn or args.real_time > 0.0)
+    may_differ = args.respawn or args.real_time > 0.0
+    text, as_expected = compare_with_twin(recording.centers, offline, may_differ)
+    print(text)
+    return 0 if as_expected else 1
 
 
 def _check_shape(path: Path, trained: TrainedController, shape: str | None) -> None:
@@ -158,15 +162,3 @@ def _walk(
         taken = time.monotonic() - started
         print(f'walked {options.duration:g} s in {taken:.1f} s, start included', file=sys.stderr)
     return code
-
-
-def _compare(recording: Recording, offline: np.ndarray, may_differ: bool) -> int:
-    """Compare the recorded centres with those of the offline walk; return the exit code."""
-    centers = recording.centers
-    same = centers.shape == offline.shape and np.array_equal(centers, offline)
-    verdict = 'bit for bit the same' if same else 'NOT THE SAME'
-    if may_differ and not same and centers.shape == offline.shape:
-        parted = np.flatnonzero((centers != offline).any(axis=1))[0]
-        verdict = f'the same until step {parted}, when late, lost or dead voxels began to show'
-    print(f'offline twin: {len(offline)} positions of the centre, {verdict}')
-    return 0 if same or may_differ else 1

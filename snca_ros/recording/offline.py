@@ -1,4 +1,4 @@
-"""A walk without ROS, recorded as a bag would hold it; the thresholds of a walk's neurons."""
+"""A walk without ROS: recorded as a bag would hold it, compared with a graph's; its thresholds."""
 
 import math
 from pathlib import Path
@@ -150,6 +150,26 @@ def _recorded(
     ends = {name: done + 1 if name in n_rows else done for name in arrays}
     arrays = {name: array[: ends[name]] for name, array in arrays.items()}
     return centers[: done + 1], arrays, done < n_steps
+
+
+def compare_with_twin(
+    centers: np.ndarray, twin: np.ndarray, may_differ: bool
+) -> tuple[str, bool]:
+    """Compare a walk with its offline twin; return a line about it, and whether it is as it should.
+
+    Args:
+        centers: (n_steps, 2) recorded positions of the robot's centre [m].
+        twin: the same of the offline walk.
+        may_differ: messages could be late or voxels die; else the walk has to be the twin's to
+            the bit.
+    """
+    alike = centers.shape == twin.shape
+    same = alike and np.array_equal(centers, twin)
+    verdict = 'bit for bit the same' if same else 'NOT THE SAME'
+    if may_differ and alike and not same:
+        parted = np.flatnonzero((centers != twin).any(axis=1))[0]
+        verdict = f'the same until step {parted}, when late, lost or dead voxels began to show'
+    return f'offline twin: {len(twin)} positions of the centre, {verdict}', same or may_differ
 
 
 def mean_thresholds(controller: Controller) -> np.ndarray:

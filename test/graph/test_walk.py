@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +45,24 @@ def test_walk_equals_its_offline_twin(start, make_controller, tmp_path, physics,
     poses = read_bag(tmp_path / 'bag').poses
     np.testing.assert_array_equal(poses.corners, twin.poses.corners[poses.steps])
     np.testing.assert_array_equal(poses.ground, twin.poses.ground)
+
+
+WITH_ANOTHER_TWIN = """
+import sys
+from snca_ros import cli
+from snca_ros.commands import walk
+twin = walk._offline_centers
+walk._offline_centers = lambda *arguments: twin(*arguments) + 1e-12
+sys.exit(cli.main(sys.argv[4:]))  # behind `python -m snca_ros`
+"""
+
+
+def test_walk_in_lockstep_that_is_not_its_twins_fails(start, make_controller):
+    child = start('walk', make_controller('11-10'), '--duration', 0.5, '--bag', 'bag',
+                  prefix=(sys.executable, '-c', WITH_ANOTHER_TWIN))
+    output, _ = child.communicate(timeout=90)
+    assert child.returncode == 1, output
+    assert output.endswith('offline twin: 31 positions of the centre, NOT THE SAME\n')
 
 
 @pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])

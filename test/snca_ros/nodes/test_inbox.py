@@ -62,3 +62,13 @@ def test_steps_that_are_over_are_forgotten():
     assert 3 not in pending
     assert 4 in pending
     assert not pending.put(NOW, 3, word(3))
+
+
+def test_beginning_of_another_episode_is_kept_when_there_is_no_room():
+    pending = Pending()
+    pending.turn_to(NOW, 500)
+    for step in range(40):
+        pending.put(b'episode2', step, word(step))
+    pending.turn_to(b'episode2', 0)
+    assert pending.pop(0)[0] == 0
+    assert 39 not in pending

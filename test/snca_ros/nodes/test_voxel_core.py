@@ -1,0 +1,328 @@
+"""A voxel takes nothing old, foreign or twice, whatever comes; it waits as told, or never."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+
+from sim_node.control_time import START_STEPS
+from sim_node.errors import InvalidInput
+from snca_ros.nodes.own_part import OwnPart
+from snca_ros.nodes.voxel_core import LOOK_PERIOD, Heard, VoxelCore
+
+LEFT, RIGHT = 1, 3
+HORIZON = 100
+ROOM = 16  # messages of other episodes that are kept, at least
+EPISODES = [b'r000000%x' % n for n in range(5)]
+NOTHING = np.zeros(4)
+
+episodes = st.sampled_from([None] * 12 + EPISODES)  # None: the present one
+directions = st.sampled_from([LEFT, RIGHT])
+
+
+class Parrot:
+    """A cell that repeats what it is told."""
+
+    def __init__(self):
+        self.resets, self.told, self.outbox = 0, [], np.zeros((1, 1, 1, 1))
+
+    def reset(self):
+        self.resets += 1
+
+    def silence(self):
+        return np.zeros((4, 1, 1))
+
+    def step_cell(self, i, readings, inbox, step):
+        assert i == 0
+        self.told.append((step, readings.copy(), inbox[:, 0, 0].copy()))
+        return 0.5
+
+
+class Soundness:
+    """No faults."""
+
+    def __init__(self):
+        self.resets = 0
+
+    def reset(self):
+        self.resets += 1
+
+    def hear(self, step, inbox):
+        return inbox
+
+    def dead(self, step):
+        return False
+
+
+def make_core(patience=0.0, real_time=False, joined=True, faults=None):
+    architecture = SimpleNamespace(directional=False)
+    part = OwnPart(architecture, Parrot(), faults or Soundness(), 'reference')
+    core = VoxelCore(
+        part, [LEFT, RIGHT], patience=patience, real_time=real_time, horizon=HORIZON
+    )
+    core.joined = joined
+    return core, part.cells
+
+
+def word(number):
+    """Return a message that tells which one it is."""
+    return np.full((1, 1, 1), float(number))
+
+
+def sense(core, step, episode=EPISODES[0], now=0.0):
+    return core.hear_sensors(episode, step, NOTHING, now)
+
+
+def say(core, step, *where, episode=EPISODES[0], number=1):
+    return [core.hear_neighbor(d, episode, step, word(number)) for d in where or (LEFT, RIGHT)]
+
+
+class AnythingComes(RuleBasedStateMachine):
+    """Sensors and messages of any episode and step, in any order, any number of times."""
+
+    real_time = False
+
+    def __init__(self):
+        super().__init__()
+        self.faults = Soundness()
+        self.core, self.cell = make_core(
+            real_time=self.real_time, joined=False, faults=self.faults
+        )
+        self.now, self.number = 0.0, 0
+        self.kept = {}  # (direction, episode, step): numbers of what was not refused, in order
+        self.n_strays = 0  # messages of other episodes than the present
+        self.begun = []  # episodes in the order in which they began
+        self.sensed = {}  # (episode, step): readings
+        self.answered = []
+
+    def now_or(self, episode):
+        return episode or (self.begun[-1] if self.begun else EPISODES[0])
+
+    @rule(episode=episodes, ahead=st.sampled_from([1] * 6 + [2, 3, 0, -1, -7, 100, 101]))
+    def sensors(self, episode, ahead):
+        episode, step = self.now_or(episode), max(self.core.step + ahead, 0)
+        self.number += 1
+        readings, before = np.full(4, float(self.number)), self.core.step
+        present = bool(self.begun) and episode == self.begun[-1]
+        if present and step > before + HORIZON:
+            with pytest.raises(InvalidInput, match='stamp'):
+                self.core.hear_sensors(episode, step, readings, self.now)
+            return
+        heard = self.core.hear_sensors(episode, step, readings, self.now)
+        if episode in self.begun[:-1]:
+            assert heard is Heard.PAST
+        elif present and step <= before:
+            assert heard is Heard.REPEATED
+        else:
+            assert heard is Heard.TAKEN
+            if not present:
+                self.begun.append(episode)
+            self.sensed[episode, step] = readings
+            self.look()
+
+    @precondition(lambda self: self.core.unanswered and not self.core.joined)
+    @rule(doubled=st.booleans())
+    def join(self, doubled):
+        assert self.core.join(lambda episode: doubled) == (not doubled)
+        assert self.core.held_back == doubled
+        self.look()
+
+    @precondition(lambda self: self.core.joined)
+    @rule(direction=directions, episode=episodes, ahead=st.sampled_from([0] * 4 + [-1, -2, 1, 3]))
+    def message(self, direction, episode, ahead):
+        episode, step = self.now_or(episode), max(self.core.step + ahead, 0)
+        self.number += 1
+        self.n_strays += episode != self.core.episode
+        if self.core.hear_neighbor(direction, episode, step, word(self.number)):
+            assert episode not in self.begun[:-1]
+            assert episode != self.core.episode or step >= self.core.step - 1
+            self.kept.setdefault((direction, episode, step), []).append(self.number)
+        self.look()
+
+    @rule(seconds=st.floats(0.0, 10.0))
+    def time_goes_by(self, seconds):
+        self.now += seconds
+        self.look()
+
+    def look(self):
+        awaited, may = self.core.awaited, self.core.joined and self.core.unanswered
+        answer = self.core.answer(self.now)
+        if self.real_time and may and self.core.step >= START_STEPS:
+            assert answer, 'waited in real time'
+        assert bool(answer) == (may and not awaited)
+        if answer is None:
+            return
+        episode, step = answer.episode, answer.step
+        assert episode == self.begun[-1]
+        self.answered.append((episode, step))
+        told_step, readings, inbox = self.cell.told[-1]
+        assert told_step == step
+        assert (readings == self.sensed[episode, step]).all()
+        for d, heard in enumerate(inbox):
+            words = self.kept.get((d, episode, step - 1), [0.0])
+            if self.n_strays <= ROOM:
+                assert heard == words[0], 'the first word counts'
+            else:  # it may have been pushed out before its episode began
+                assert heard in (0.0, *words)
+
+    @invariant()
+    def no_step_is_made_twice_or_back(self):
+        assert len(set(self.answered)) == len(self.answered) == len(self.cell.told)
+        for episode in self.begun:
+            steps = [s for e, s in self.answered if e == episode]
+            assert steps == sorted(steps)
+        order = [self.begun.index(e) for e, _ in self.answered]
+        assert order == sorted(order)
+
+    @invariant()
+    def cell_and_faults_start_afresh_once_an_episode(self):
+        assert self.cell.resets == self.faults.resets == 1 + len(self.begun)
+
+    @invariant()
+    def account_adds_up(self):
+        counted = [sum(link.counts().values()) for link in self.core.links.values()]
+        assert counted == [sum(step > 0 for _, step in self.answered)] * 2
+
+
+class AnythingComesInRealTime(AnythingComes):
+    """The same in real time: nobody is waited for."""
+
+    real_time = True
+
+
+TestAnythingComes = AnythingComes.TestCase
+TestAnythingComesInRealTime = AnythingComesInRealTime.TestCase
+TestAnythingComes.settings = settings(max_examples=80, stateful_step_count=40)
+TestAnythingComesInRealTime.settings = TestAnythingComes.settings
+
+
+def test_waits_for_every_neighbour_and_only_for_the_step_before():
+    core, cell = make_core()
+    sense(core, 0)
+    assert core.answer(0.0).step == 0
+    sense(core, 1)
+    say(core, 0, LEFT)
+    assert core.awaited == [RIGHT]
+    assert core.answer(1e6) is None
+    assert say(core, 0, LEFT, number=2) == [False]
+    say(core, 0, RIGHT, number=3)
+    assert core.answer(1e6).step == 1
+    assert cell.told[-1][2].tolist() == [0.0, 1.0, 0.0, 3.0]
+    assert core.answer(1e6) is None
+
+
+def test_impatient_voxel_takes_a_neighbour_for_silent_until_it_speaks():
+    core, _ = make_core(patience=2.0)
+    sense(core, 0)
+    assert core.answer(0.0).step == 0
+    sense(core, 1)
+    assert core.answer(19.9) is None, 'at first it waits ten times as long'
+    assert core.answer(20.0).fallen == (LEFT, RIGHT)
+    for k in (2, 3):
+        sense(core, k)
+        assert core.answer(0.0).fallen == (), 'the silent are not waited for'
+    say(core, 3, LEFT)
+    sense(core, 4)
+    assert core.answer(0.0).fallen == ()
+    sense(core, 5, now=11.0)
+    assert core.answer(12.9) is None
+    assert core.awaited == [LEFT]
+    assert core.answer(13.0).fallen == (LEFT,)
+
+
+def test_neighbour_that_says_something_later_is_not_waited_for():
+    core, cell = make_core()
+    sense(core, 5)
+    assert core.awaited == [LEFT, RIGHT]
+    say(core, 5)
+    assert core.answer(0.0).step == 5
+    assert not cell.told[-1][2].any()
+
+
+def test_real_time_waits_at_the_start_only():
+    core, _ = make_core(real_time=True)
+    for step in range(20):
+        sense(core, step)
+        if 1 <= step < START_STEPS:
+            assert core.answer(1e6) is None
+            say(core, step - 1)
+        assert core.answer(0.0).step == step
+    assert core.links[LEFT].counts() == {'on time': 1, 'late': 0, 'lost': 18}
+    assert core.quiet == [LEFT, RIGHT]
+    assert say(core, 10) == [False, False]
+    assert core.links[LEFT].counts() == {'on time': 1, 'late': 1, 'lost': 17}
+
+
+def test_new_episode_begins_with_what_others_said_in_it_first():
+    core, cell = make_core()
+    sense(core, 700)
+    say(core, 0, episode=EPISODES[1], number=9)
+    assert sense(core, 0, EPISODES[1]) is Heard.TAKEN
+    assert core.answer(0.0)[:2] == (EPISODES[1], 0)
+    assert sense(core, 701, EPISODES[0]) is Heard.PAST
+    sense(core, 1, EPISODES[1])
+    assert core.answer(0.0).step == 1
+    assert cell.told[-1][2].tolist() == [0.0, 9.0, 0.0, 9.0]
+
+
+def test_silent_neighbour_is_waited_for_again_in_a_new_episode():
+    core, _ = make_core(patience=1.0)
+    sense(core, 9)
+    assert core.answer(1.0).fallen == (LEFT, RIGHT)
+    sense(core, 0, EPISODES[1])
+    assert core.answer(1.0).step == 0
+    sense(core, 1, EPISODES[1], now=1.0)
+    assert core.awaited == [LEFT, RIGHT]
+    assert core.answer(10.9) is None
+
+
+def test_joins_at_the_newest_step_when_nothing_newer_comes():
+    core, cell = make_core(joined=False)
+    assert not core.join(lambda episode: False), 'nothing has come'
+    for step in range(50):
+        sense(core, step, now=0.001 * step)
+        assert core.joining
+        assert core.answer(1.0) is None
+    assert core.join(lambda episode: False)
+    assert not core.joining
+    say(core, 48)
+    assert core.answer(1.0).step == 49
+    assert len(cell.told) == 1
+
+
+def test_does_not_wait_for_a_pause_that_never_comes():
+    core, _ = make_core(joined=False)
+    waited = []
+    for step in range(30):
+        sense(core, step, now=50.0 + step / 64)
+        waited.append(core.joining)
+    assert waited == [True] * 13 + [False] * 17, 'after 0.2 s'
+
+
+def test_double_is_held_back_until_the_other_is_gone():
+    core, _ = make_core(joined=False)
+    asked = []
+    sense(core, 7)
+    for answers in (True, True, False):
+        core.join(lambda episode, answers=answers: asked.append(episode) or answers)
+        assert (core.held_back, core.joined) == (answers, not answers)
+    assert asked == [EPISODES[0]] * 3
+
+
+@pytest.mark.parametrize('hear', [sense, say])
+def test_stamps_from_the_future_are_refused(hear):
+    core, _ = make_core()
+    sense(core, 3)
+    with pytest.raises(InvalidInput, match=f'at most step {3 + HORIZON}'):
+        hear(core, 4 + HORIZON)
+    hear(core, 3 + HORIZON)
+
+
+def test_looks_seldom_after_a_while():
+    core, _ = make_core()
+    sense(core, 1, now=5.0)
+    periods = [core.look_period(5.0 + waited) for waited in (0.0, 0.1, 100.0)]
+    assert periods == pytest.approx([LOOK_PERIOD, 0.025, 0.05])
