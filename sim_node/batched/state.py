@@ -17,7 +17,7 @@ from sim_node.model.ground_polygons import most_at_once, polygon_rows
 from sim_node.model.material import Material
 from sim_node.model.sensors import N_SENSORS, TOUCH_WINDOW, VELOCITY_WINDOW
 from sim_node.model.solver import Solver
-from sim_node.numerics.lanes import zeros
+from sim_node.numerics.lane_array import zeros
 
 JOINT_ERROR = float(np.float32(1.0) - np.float32(0.1)) ** 60
 """Share of an overlap or a joint's gap that Munk2D leaves after a second."""

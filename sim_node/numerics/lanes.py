@@ -6,14 +6,13 @@ cannot depend on its place or on its neighbours. A plain number stands for W equ
 or unordered values `min` and `max` return the second, numba's of numbers the first. LLVM
 splits a value wider than the machine's registers into several of them.
 
-Arrays are of `dtype(W)`: (rows, fields) of W doubles each, robots contiguous and innermost.
+Arrays are those of `lane_array`: (rows, fields) of W doubles each, robots contiguous and innermost.
 """
 
 import math
 import operator
 from typing import Any
 
-import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
@@ -21,13 +20,6 @@ from numba.extending import intrinsic as _intrinsic
 from numba.extending import lower_builtin, models, register_model
 
 intrinsic: Any = _intrinsic  # to a type checker: its signature is not that of its callers
-
-_ALIGNMENT = 64
-
-# In the names of compiled functions numba writes a record type as a number that depends on the
-# order in which a process met its types. Functions for two widths that two processes put into the
-# cache could so get one name, and a third process call one for the other. Its full name is unique.
-types.Record.mangling_args = property(lambda record: (record.name, ()))
 
 
 class Lanes(types.Type):
@@ -54,22 +46,8 @@ def _vector(lanes: Lanes) -> ir.VectorType:
     return ir.VectorType(element, lanes.width)
 
 
-def dtype(width: int) -> np.dtype:
-    """Return the dtype of arrays whose items are `width` doubles, one per robot."""
-    return np.dtype([('lane', np.float64, (width,))], align=True)
-
-
-def zeros(shape: tuple[int, int], width: int) -> np.ndarray:
-    """Return an array of `dtype(width)`, at a multiple of 64 bytes; array['lane'] is its floats."""
-    n_bytes = shape[0] * shape[1] * width * 8
-    buffer = np.zeros(n_bytes + _ALIGNMENT, dtype=np.uint8)
-    start = -buffer.ctypes.data % _ALIGNMENT
-    return buffer[start : start + n_bytes].view(dtype(width)).reshape(shape)
-
-
 def _of_array(array: Any) -> Lanes:
-    (_, field), = array.dtype.fields.items()
-    return Lanes(field.type.shape[0], 'float64')
+    return Lanes(array.width, 'float64')
 
 
 def _pointer(context, builder, array_type, array, i, j, lanes):

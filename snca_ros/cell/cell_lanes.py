@@ -13,7 +13,8 @@ from sim_node.errors import InvalidInput
 from sim_node.model.morphology import OPPOSITE, Morphology
 from sim_node.model.sensors import N_SENSORS
 from sim_node.numerics.jit import compiled, inlined_part
-from sim_node.numerics.lanes import bits_of, like, load, mask_like, select, store, zeros
+from sim_node.numerics.lane_array import zeros
+from sim_node.numerics.lanes import bits_of, like, load, mask_like, select, store
 from snca_ros.cell import mlp_lanes, snn, snn_lanes
 from snca_ros.cell.architecture import Architecture
 from snca_ros.cell.coding import (

@@ -6,9 +6,11 @@ import sys
 
 import numpy as np
 import pytest
+from numba import typeof
 
 from sim_node.numerics.elementary_functions import expm1, floor, sine_cosine, tanh
 from sim_node.numerics.jit import compiled
+from sim_node.numerics.lane_array import zeros
 from sim_node.numerics.lanes import (
     any_lane,
     bits_of,
@@ -17,7 +19,6 @@ from sim_node.numerics.lanes import (
     mask_like,
     select,
     store,
-    zeros,
 )
 
 
@@ -112,10 +113,20 @@ def test_a_function_of_lanes_is_that_of_numbers():
     np.testing.assert_array_equal(floats[:, 2], np.floor(floats[:, 0]))
 
 
+def test_what_is_taken_out_of_an_array_is_plain_and_no_other_part_has_a_type():
+    array = zeros((3, 2), 4)
+    array['lane'] = 1.0
+    assert type(array['lane']) is type(array[1:]) is np.ndarray
+    assert array['lane'].sum() == 24.0
+    with pytest.raises(ValueError, match='Cannot determine Numba type'):
+        typeof(array.T)
+
+
 def test_the_cache_tells_widths_apart():
     name = (
         'from numba import typeof; from numba.core.itanium_mangler import mangle_type;'
-        'from sim_node.numerics.lanes import zeros; print(mangle_type(typeof(zeros((1, 1), {}))))'
+        'from sim_node.numerics.lane_array import zeros;'
+        'print(mangle_type(typeof(zeros((1, 1), {}))))'
     )
     names = [
         subprocess.run(

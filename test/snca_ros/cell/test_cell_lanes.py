@@ -5,7 +5,7 @@ import pytest
 
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import parse_morphology
-from sim_node.numerics.lanes import zeros
+from sim_node.numerics.lane_array import zeros
 from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS, Architecture
 from snca_ros.cell.cell_lanes import MAX_WIDTH, make_cells, step_group
 from snca_ros.cell.layers import padded
