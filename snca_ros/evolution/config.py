@@ -58,7 +58,7 @@ class RunConfig:
         parse_terrain(self.terrain)
         check_declared(self)
         if self.transient > self.duration:
-            expected = f'a number from 0 to the duration, {self.duration:g} [s]'
+            expected = f'a number from 0 to {self.duration:g} [s], the duration'
             raise InvalidInput('transient', self.transient, expected)
         check_engine(self.engine, self.solver)
 
