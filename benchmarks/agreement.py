@@ -5,7 +5,7 @@
 A closed loop is chaotic: a push of 1e-6 m makes another walk in one and the same engine. So the
 measure of an engine is whether it differs from pymunk by more than that. Each controller walks 30 s
 on flat ground in pymunk, in pymunk with every mass moved by up to 1e-6 m at the start, and in the
-batched engine. Half of the controllers are random, half children of the biped in the box where
+batched engine. Half of the controllers are random, half children of the bundled biped where
 they fit.
 """
 
@@ -29,7 +29,7 @@ PARTED = 1e-3  # m
 
 
 def draw_controllers(shape: str, architecture: Architecture, n: int) -> np.ndarray:
-    """Return (n, n_parameters) weights, random or mutants of the biped in the box."""
+    """Return (n, n_parameters) weights, random or mutants of the bundled biped."""
     rng = np.random.default_rng(0)
     n_voxels = Simulation(shape).morphology.n_voxels
     thetas = rng.uniform(-1.0, 1.0, (n, architecture.n_parameters(n_voxels)))

@@ -296,7 +296,7 @@ def without_limits(*args):
 
 
 def champion(quick):
-    """Let the biped in the box walk with a cheaper solver, from starts pushed by up to 1e-6."""
+    """Let the bundled biped walk with a cheaper solver, from starts pushed by up to 1e-6."""
     table('The evolved biped: v_x [m/s], mean, sd and range over pushed starts; cost of stepping',
           'solver | mean | sd | least | most | cost')
     cases = [(f'{i} iterations', Solver(1, i), build_body) for i in (3, 5, 7, 10, 20)]

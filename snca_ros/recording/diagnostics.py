@@ -18,7 +18,7 @@ _MEASURED = ('per second', '[ms]')  # ends of the names of figures that are no c
 
 @dataclass(frozen=True)
 class NodeHealth:
-    """The last words of a node.
+    """What a node published last in its diagnostics.
 
     Attributes:
         lives: how many processes it was, one after the other.

@@ -40,7 +40,7 @@ SPIKES = {f'/biped/voxel_{v}/spikes' for v in (
 
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory):
-    """Return a bag of half a second of the biped in the box."""
+    """Return a bag of half a second of the bundled biped."""
     bag = tmp_path_factory.mktemp('viewers') / 'bag'
     command = ['walk', '--duration', '0.5', '--voxels-per-process', '5', '--bag', str(bag)]
     run = subprocess.run(

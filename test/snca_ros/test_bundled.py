@@ -1,4 +1,4 @@
-"""The controllers in the box load, walk, and are those of the campaign that made them."""
+"""The bundled controllers load, walk, and are those of the campaign that made them."""
 
 import csv
 import re
@@ -7,27 +7,27 @@ import pytest
 from support.made_up_results import PAPER_TYPES, made_up_row, write_results
 from support.paths import ROOT
 
-from scripts import fill_box
+from scripts import bundle_controllers
 from sim_node.simulation import Simulation
 from snca_ros.bundled import DEFAULT_CONTROLLER, bundled_controllers, find_controller
 from snca_ros.controller_file import load_controller
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.episode import run_episode
 
-BOX, RESULTS = ROOT / 'config' / 'controllers', ROOT / 'results' / 'paper'
-NAMES = [path.stem for path in sorted(BOX.glob('*.npz'))]
+BUNDLED, RESULTS = ROOT / 'config' / 'controllers', ROOT / 'results' / 'paper'
+NAMES = [path.stem for path in sorted(BUNDLED.glob('*.npz'))]
 
 
-def test_default_is_in_the_box():
+def test_default_is_bundled():
     assert DEFAULT_CONTROLLER in NAMES
-    assert find_controller(DEFAULT_CONTROLLER) == BOX / f'{DEFAULT_CONTROLLER}.npz'
+    assert find_controller(DEFAULT_CONTROLLER) == BUNDLED / f'{DEFAULT_CONTROLLER}.npz'
     assert set(NAMES) <= set(bundled_controllers())
 
 
 def test_default_is_what_its_history_says():
-    trained = load_controller(BOX / f'{DEFAULT_CONTROLLER}.npz')
-    config = RunConfig.from_yaml(BOX / f'{DEFAULT_CONTROLLER}.yaml')
-    rows = list(csv.DictReader((BOX / f'{DEFAULT_CONTROLLER}.csv').open()))
+    trained = load_controller(BUNDLED / f'{DEFAULT_CONTROLLER}.npz')
+    config = RunConfig.from_yaml(BUNDLED / f'{DEFAULT_CONTROLLER}.yaml')
+    rows = list(csv.DictReader((BUNDLED / f'{DEFAULT_CONTROLLER}.csv').open()))
     assert trained.evaluations == config.evaluations == int(rows[-1]['evaluations'])
     assert (trained.architecture, trained.seed) == (config.architecture, config.seed)
     best = [float(row['best_so_far']) for row in rows]
@@ -35,23 +35,24 @@ def test_default_is_what_its_history_says():
     assert best[-1] >= trained.fitness  # the robust controller is not always the evolution's best
 
 
-def test_table_of_the_box_is_that_of_the_campaign():
+def test_table_of_the_bundled_is_that_of_the_campaign():
     """Of runs that are in the results now; later seeds may have more robust controllers."""
     runs = {row['run']: row for row in csv.DictReader((RESULTS / 'results.csv').open())}
     table = re.findall(
-        r'^\| `(.+)` \| `(.+)` \| (.+) ± (.+) \| (.+) \|$', (BOX / 'README.md').read_text(), re.M
+        r'^\| `(.+)` \| `(.+)` \| (.+) ± (.+) \| (.+) \|$',
+        (BUNDLED / 'README.md').read_text(), re.MULTILINE,
     )
     assert [name for name, *_ in table] == sorted(NAMES, key=[t[0] for t in table].index)
     for name, run, *shown in table:
         original = RESULTS / 'controllers' / f'{run}-robust.npz'
-        assert (BOX / f'{name}.npz').read_bytes() == original.read_bytes()
+        assert (BUNDLED / f'{name}.npz').read_bytes() == original.read_bytes()
         row = runs[run]
         assert name == f'{row["shape"]}-{row["architecture"]}-{row["neuron_model"]}'
         columns = 'v_x_robust_mean', 'v_x_robust_std', 'v_x_robust_unseen'
         assert shown == [f'{float(row[column]):.2f}' for column in columns]
 
 
-def test_the_box_is_filled_with_the_most_robust_controllers(tmp_path):
+def test_the_most_robust_controllers_are_bundled(tmp_path):
     rows = [
         made_up_row(shape, *of_type, seed, v_x_robust_mean=mean, v_x_robust_std=0.25,
                     v_x_robust_unseen=3.0, v_x_pushed_mean=9.0 - mean)
@@ -67,8 +68,8 @@ def test_the_box_is_filled_with_the_most_robust_controllers(tmp_path):
         (runs / row['run']).mkdir()
         for name in ('config.yaml', 'history.csv'):
             (runs / row['run'] / name).write_text(f'{name} of {row["run"]}')
-    found = fill_box.champions(results)
-    fill_box.fill(runs, found, box)
+    found = bundle_controllers.champions(results)
+    bundle_controllers.fill(runs, found, box)
     names = [f'{shape}-{a}-{m}' for shape in ('biped', 'worm') for a, m in PAPER_TYPES]
     assert {p.name for p in box.iterdir()} == {
         *(f'{name}.npz' for name in names), 'README.md', f'{DEFAULT_CONTROLLER}.yaml',
@@ -78,7 +79,7 @@ def test_the_box_is_filled_with_the_most_robust_controllers(tmp_path):
         assert (box / f'{name}.npz').read_text() == f'{name}-flat-batched-reference-seed1'
     assert (box / f'{DEFAULT_CONTROLLER}.yaml').read_text().startswith('config.yaml of biped-U-nD')
     readme = (box / 'README.md').read_text()
-    assert readme == fill_box.readme(found)
+    assert readme == bundle_controllers.readme(found)
     table = re.findall(r'^\| `(.+)` \| `(.+)` \| 6.00 ± 0.25 \| 3.00 \|$', readme, re.M)
     assert table == [(name, f'{name}-flat-batched-reference-seed1') for name in names]
     assert f'\n`{DEFAULT_CONTROLLER}` is what' in readme
@@ -86,7 +87,7 @@ def test_the_box_is_filled_with_the_most_robust_controllers(tmp_path):
 
 @pytest.mark.parametrize('name', NAMES)
 def test_controller_walks(name):
-    trained = load_controller(BOX / f'{name}.npz')
+    trained = load_controller(BUNDLED / f'{name}.npz')
     simulation = Simulation(
         trained.morphology, trained.terrain, material=trained.material, solver=trained.solver
     )

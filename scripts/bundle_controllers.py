@@ -1,10 +1,10 @@
-"""Puts the robust controller of each case of the paper's campaign into the box.
+"""Bundles the robust controller of each case of the paper's campaign.
 
-    python scripts/fill_box.py [RUNS]
+    python scripts/bundle_controllers.py [RUNS]
 
 Of each case it is that of the run whose robust controller has the largest mean of v_x over the
 starts 101 to 120, by the table in results/paper/. RUNS (default runs/) is where the run folders of
-the campaign are: of the default controller the box holds configuration and history too.
+the campaign are: configuration and history of the default controller are bundled too.
 """
 
 import shutil
@@ -16,18 +16,18 @@ from snca_ros.comparison.runs import ROBUST, Run, read_cases
 from snca_ros.files import write_text
 
 ROOT = Path(__file__).resolve().parents[1]
-BOX, RESULTS = ROOT / 'config' / 'controllers', ROOT / 'results' / 'paper'
+BUNDLED, RESULTS = ROOT / 'config' / 'controllers', ROOT / 'results' / 'paper'
 CAMPAIGN = ROOT / 'config' / 'experiments' / 'paper-main.yaml'
 
-README = """# Controllers in the box
+README = """# Bundled controllers
 
 One of each shape and type of controller of the paper's main campaign
 (`config/experiments/paper-main.yaml`), whose results are in `results/paper/`. A run is 30,000
 evaluations in the batched engine. Its robust controller is the one of its last whole population
 with the best mean of v_x over 20 starts pushed by up to 1e-6 m (starts 1 to 20, in the engine of
 the run). Here is the robust controller with the largest mean over 20 other starts (101 to 120, in
-pymunk); `python scripts/fill_box.py` puts it here. [findings.md](../../docs/findings.md) compares
-all runs, and [robustness.md](../../docs/robustness.md) has figures of the bipeds.
+pymunk); `python scripts/bundle_controllers.py` copies it. [findings.md](../../docs/findings.md)
+compares all runs, and [robustness.md](../../docs/robustness.md) has figures of the bipeds.
 
 | name | run | v_x [m/s]: mean ± deviation over pushed starts | mean over unseen terrains |
 |---|---|---|---|
@@ -37,11 +37,11 @@ its run (`config.yaml`) and its whole history, a row per generation. The same ca
 same files, bit for bit, on the same C library and versions of numpy, numba and pymunk (the header
 of a file tells the versions).
 """
-"""The README of the box; its rows are those of `row_of`."""
+"""The README beside them; its rows are those of `row_of`."""
 
 
 def champions(results: Path = RESULTS, campaign: Path = CAMPAIGN) -> dict[str, Run]:
-    """Return the run of each shape and type of controller, by the name in the box."""
+    """Return the run of each shape and type of controller, by the name of what is bundled."""
     return {
         f'{shape}-{controller.architecture}-{controller.neuron_model}':
             max(runs, key=lambda run: run.value(ROBUST))
@@ -51,13 +51,13 @@ def champions(results: Path = RESULTS, campaign: Path = CAMPAIGN) -> dict[str, R
 
 
 def row_of(name: str, run: Run) -> str:
-    """Return the row of a controller in the README of the box."""
+    """Return the row of a controller in the README."""
     mean, std, unseen = (run.value(f'v_x_robust_{what}') for what in ('mean', 'std', 'unseen'))
     return f'| `{name}` | `{run.row["run"]}` | {mean:.2f} ± {std:.2f} | {unseen:.2f} |\n'
 
 
 def readme(found: dict[str, Run]) -> str:
-    """Return the README of a box that holds the robust controllers of these runs."""
+    """Return the README of a folder that holds the robust controllers of these runs."""
     rows = ''.join(row_of(name, run) for name, run in found.items())
     return README.format(rows=rows, default=DEFAULT_CONTROLLER)
 
@@ -67,14 +67,14 @@ def controller_of(run: Run) -> Path:
     return run.history.parents[1] / 'controllers' / f'{run.row["run"]}-robust.npz'
 
 
-def fill(runs: Path, found: dict[str, Run], box: Path = BOX) -> None:
-    """Fill the box anew."""
+def fill(runs: Path, found: dict[str, Run], folder: Path = BUNDLED) -> None:
+    """Replace the bundled controllers."""
     for name, run in found.items():
-        shutil.copyfile(controller_of(run), box / f'{name}.npz')
+        shutil.copyfile(controller_of(run), folder / f'{name}.npz')
     default = runs / found[DEFAULT_CONTROLLER].row['run']
     for file, suffix in (('config.yaml', '.yaml'), ('history.csv', '.csv')):
-        shutil.copyfile(default / file, box / f'{DEFAULT_CONTROLLER}{suffix}')
-    write_text(box / 'README.md', readme(found))
+        shutil.copyfile(default / file, folder / f'{DEFAULT_CONTROLLER}{suffix}')
+    write_text(folder / 'README.md', readme(found))
 
 
 if __name__ == '__main__':
