@@ -56,7 +56,7 @@ def inlined_part(function: Callable) -> Callable:
 
 
 class _NoAlias(Compiler):
-    """Numba's compiler, told that the array arguments of a function share no memory."""
+    """Numba's compiler, which assumes that the array arguments of a function share no memory."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)

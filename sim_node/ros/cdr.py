@@ -95,11 +95,11 @@ def _serialized(message: Any, layout: np.dtype) -> bytearray:
     rclpy leaves between two fields whatever its memory held, and reserves more at the end than
     empty sequences take. Here the gaps are zero, and the end is the layout's.
     """
-    kind, told = type(message), serialize_message(message)
+    kind, example = type(message), serialize_message(message)
     data = bytearray(layout.itemsize)
     for part in (_ENCAPSULATION, *(place(layout, name) for name in layout.names or ())):
-        data[part] = told[part]
+        data[part] = example[part]
     whole = len(data) == layout.itemsize
-    if not whole or deserialize_message(bytes(data), kind) != deserialize_message(told, kind):
+    if not whole or deserialize_message(bytes(data), kind) != deserialize_message(example, kind):
         raise AssertionError(f'{kind.__name__}: rclpy has another layout')
     return data

@@ -1,4 +1,4 @@
-"""(ROS) What the simulation node is told: how to run, and the body and its world."""
+"""(ROS) The parameters of the simulation node: how to run, and the body and its world."""
 
 import os
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What an optimiser is: it asks for candidates to be scored and is told their fitness."""
+"""What an optimiser is: it proposes candidates and takes their fitness."""
 
 from typing import Protocol
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 class Strategy(Protocol):
-    """An optimiser that asks for candidates to be scored and is told their fitness.
+    """An optimiser: it proposes candidates (`ask`) and takes their fitness (`tell`).
 
     Attributes:
         individuals: (n, n_parameters) the best individual so far and the newest, best first.
