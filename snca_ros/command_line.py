@@ -52,7 +52,7 @@ class CommandParser(argparse.ArgumentParser):
 
 
 def exit_code(name: str, run: Callable[[], int]) -> int:
-    """Return the exit code of `run`; an error that a person can put right is told in one line.
+    """Return the exit code of `run`; an error that a person can put right is one line.
 
     Args:
         name: of the command or node, for the error.

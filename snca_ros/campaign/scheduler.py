@@ -35,7 +35,7 @@ class Campaign:
         configs: the runs, in the order in which to start them.
         results: where finished ones have their rows.
         runs: folder of the run folders, on all workers the same.
-        listener: is told of each run that ends, and every second of the progress.
+        listener: called for each run that ends, and every second with the progress.
     """
 
     def __init__(

@@ -155,5 +155,6 @@ def _describe(config: RunConfig) -> str:
     return (
         f'{config.shape} on {config.terrain}, {cell.name} {cell.neuron_model}'
         f'{" as printed" if cell.as_printed else ""}, layers {cell.layer_sizes}, '
-        f'{config.n_parameters} parameters, seed {config.seed}, {config.engine} engine'
+        f'{config.n_parameters} parameters, seed {config.seed}, {config.engine} engine, '
+        f'{config.solver.physics} physics'
     )
