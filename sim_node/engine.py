@@ -1,21 +1,22 @@
 """What a physics engine is: a class of a few methods, found by its name.
 
 An engine steps one robot on one terrain; `sim_node.simulation.Simulation` does all else (checks,
-faults, noise) alike for every engine. To add one, derive from `Engine` and call `register_engine`.
+faults, noise) alike for every engine. To add one, derive from `Engine` and call
+`ENGINES.register`, see `sim_node.registry`.
 Nothing here, and nothing that asks for an engine by its name, imports an engine that is not used.
 """
 
 from abc import ABC, abstractmethod
-from pkgutil import resolve_name
 from typing import ClassVar, Protocol
 
 import numpy as np
 
-from sim_node.errors import InvalidInput, check_name
+from sim_node.errors import InvalidInput
 from sim_node.model.material import Material
 from sim_node.model.morphology import Morphology
 from sim_node.model.solver import Solver
 from sim_node.model.terrain import Terrain
+from sim_node.registry import Registry
 
 
 class RobotArrays(Protocol):
@@ -102,33 +103,11 @@ class Engine(ABC):
 DEFAULT_ENGINE = 'pymunk'
 """The engine of whoever names none: the reference, which has everything that a solver asks for."""
 
-ENGINES: dict[str, str | type[Engine]] = {
+ENGINES = Registry[type[Engine]]('engine', {
     DEFAULT_ENGINE: 'sim_node.munk2d.engine:PymunkEngine',
     'batched': 'sim_node.batched.engine:BatchedEngine',
-}
-"""Engines by name: a class, or where it is until somebody asks for it."""
-
-
-def register_engine(name: str, engine: type[Engine]) -> None:
-    """Make an engine known in this process; from now on all that takes an engine's name takes it.
-
-    Raises:
-        InvalidInput: there is another engine of that name.
-    """
-    if ENGINES.get(name, engine) is not engine:
-        raise InvalidInput('engine', name, f'a name that is not taken, unlike {", ".join(ENGINES)}')
-    ENGINES[name] = engine
-
-
-def load_engine(name: str) -> type[Engine]:
-    """Return the engine of that name, importing it if it is not.
-
-    Raises:
-        InvalidInput: there is none.
-    """
-    check_name('engine', name, ENGINES)
-    engine = ENGINES[name]
-    return resolve_name(engine) if isinstance(engine, str) else engine
+})
+"""Engines by name."""
 
 
 def check_engine(name: str, solver: Solver) -> type[Engine]:
@@ -137,9 +116,9 @@ def check_engine(name: str, solver: Solver) -> type[Engine]:
     Raises:
         InvalidInput: there is no such engine, or it cannot.
     """
-    engine = load_engine(name)
+    engine = ENGINES.find(name)
     if solver.self_collision and not engine.self_collision:
-        able = next(other for other in ENGINES if load_engine(other).self_collision)
+        able = next(other for other in ENGINES if ENGINES[other].self_collision)
         expected = f'false with the {name} engine; the {able} engine has self-collision'
         raise InvalidInput('solver.self_collision', solver.self_collision, expected)
     return engine

@@ -9,7 +9,7 @@ import numpy as np
 
 from sim_node.batched.engine import BatchedEngine
 from sim_node.control_time import CONTROL_RATE
-from sim_node.engine import Engine, load_engine
+from sim_node.engine import ENGINES, Engine
 from sim_node.numerics.jit import warm_up
 from snca_ros.controller import Controller
 from snca_ros.evolution.config import RunConfig
@@ -68,7 +68,7 @@ class Evaluator:
 
     def __init__(self, config: RunConfig) -> None:
         self.config = config
-        engine = load_engine(config.engine)
+        engine = ENGINES.find(config.engine)
         self._lanes, self._run = engine.lanes, GROUP_RUNNERS.get(engine, OneByOne)(config)
         self._ready: set[int] = set()
 
@@ -101,7 +101,7 @@ def evaluate(
 
     It does not depend on the workers or their number. With a `push` it is that of another start.
     """
-    lanes = load_engine(config.engine).lanes
+    lanes = ENGINES.find(config.engine).lanes
     size = group_width(lanes, -(-len(candidates) // workers.count()))
     groups = [candidates[i : i + size] for i in range(0, len(candidates), size)]
     futures = [workers.executor.submit(score, config, group, push) for group in groups]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sim_node.batched.engine import BatchedEngine
-from sim_node.engine import ENGINES, Engine, check_engine, load_engine, register_engine
+from sim_node.engine import ENGINES, Engine, check_engine
 from sim_node.errors import InvalidInput
 from sim_node.model.body import build_body
 from sim_node.model.solver import Solver
@@ -59,7 +59,7 @@ class Sledge(Engine):
 
 @pytest.fixture(autouse=True)
 def sledge():
-    register_engine('sledge', Sledge)
+    ENGINES.register('sledge', Sledge)
     yield
     del ENGINES['sledge']
 
@@ -160,10 +160,10 @@ def test_names_are_told():
     with pytest.raises(InvalidInput, match=r"pymunk, batched, sledge \(did you mean 'sledge'\?\)"):
         Simulation('biped', engine='slegde')
     with pytest.raises(InvalidInput, match='not taken'):
-        register_engine('batched', Sledge)
-    register_engine('sledge', Sledge)  # again is no other
+        ENGINES.register('batched', Sledge)
+    ENGINES.register('sledge', Sledge)  # again is no other
     for name, engine in (('pymunk', PymunkEngine), ('batched', BatchedEngine), ('sledge', Sledge)):
-        assert load_engine(name) is check_engine(name, Solver()) is engine
+        assert ENGINES[name] is check_engine(name, Solver()) is engine
 
 
 def test_a_class_that_derives_from_an_engine_is_not_run_the_fast_way_of_that_engine():
@@ -182,7 +182,7 @@ def test_a_class_that_derives_from_an_engine_is_not_run_the_fast_way_of_that_eng
 
 @pytest.mark.parametrize('engine', EPISODE_RUNNERS)
 def test_the_fast_way_of_an_engine_gives_the_bits_of_the_loop(engine):
-    name = next(n for n in ENGINES if load_engine(n) is engine)
+    name = next(n for n in ENGINES if ENGINES[n] is engine)
     faults = parse_faults('loss=0.2,broken_actuators=frozen:0.5@0.5,sensor_noise=0.05,seed=2')
     simulation = Simulation('biped', engine=name, **faults.of_body)
     own = controller(simulation.morphology, faults=faults)

@@ -16,7 +16,7 @@ from snca_ros.bundled import find_controller
 from snca_ros.campaign.specification import read_campaign
 from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.config import RunConfig
-from snca_ros.evolution.strategies import check_strategy
+from snca_ros.evolution.strategies import STRATEGIES
 from snca_ros.faults import parse_faults
 
 CELL = {'uniform': True, 'directional': False, 'neuron_model': 'snn'}
@@ -27,7 +27,7 @@ CELL = {'uniform': True, 'directional': False, 'neuron_model': 'snn'}
     (lambda: parse_morphology('biped').index_of('voxl_0_0'), 'voxel_0_0'),
     (lambda: parse_terrain('stepy-1-10-0'), 'steppy'),
     (lambda: check_engine('bached', Solver()), 'batched'),
-    (lambda: check_strategy('cms'), 'cma'),
+    (lambda: STRATEGIES.find('cms'), 'cma'),
     (lambda: Architecture.named('U-ND', 'snn'), 'U-nD'),
     (lambda: Architecture.named('U-nD', 'snnh'), 'snn-h'),
     (lambda: find_controller('biped-U-nD-snnh'), 'biped-U-nD-snn-h'),

@@ -13,7 +13,7 @@ from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.checkpoint import RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evolve import evolve
-from snca_ros.evolution.strategies import STRATEGIES, SimpleEvolutionStrategy, register_strategy
+from snca_ros.evolution.strategies import STRATEGIES, SimpleEvolutionStrategy
 from snca_ros.evolution.strategies.strategy import best_first
 from snca_ros.evolution.workers import IN_PROCESS
 
@@ -320,9 +320,9 @@ class RandomSearch:
 
 def test_a_strategy_from_outside_the_tree_runs_and_resumes(tmp_path, monkeypatch):
     monkeypatch.setitem(STRATEGIES, 'random', RandomSearch)
-    register_strategy('random', RandomSearch)
+    STRATEGIES.register('random', RandomSearch)
     with pytest.raises(InvalidInput, match='a name that is not taken'):
-        register_strategy('random', SimpleEvolutionStrategy)
+        STRATEGIES.register('random', SimpleEvolutionStrategy)
     whole = RunConfig(
         'worm-2x1', Architecture.named('U-D', 'mlp'), strategy='random', population=4,
         evaluations=12, duration=0.5, transient=0.0,
