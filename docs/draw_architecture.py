@@ -76,8 +76,13 @@ ROOMS = {
     'model': Room(('sim_node.model.*',), ('numerics', 'errors')),
     'numerics': Room(('sim_node.numerics.*',), ()),
     'errors': Room(
-        ('sim_node.errors', 'sim_node.control_time', 'sim_node.message_layout'), (),
-        'What everything uses: bad input, control steps as time stamps, messages as bytes.',
+        (
+            'sim_node.errors', 'sim_node.registry', 'sim_node.control_time',
+            'sim_node.message_layout',
+        ),
+        (),
+        'What everything uses: bad input, registries, control steps as time stamps, messages as '
+        'bytes.',
     ),
 }
 """All rooms by name, from the top. A room may import those below it, directly or not.

@@ -1,9 +1,9 @@
-"""Things that are found by name and can be added from outside this project.
+"""Engines, sensors, neuron models, tasks and strategies, each kind in a registry by name.
 
-Engines, sensors, neuron models, tasks and strategies each have a `Registry`. To add one, write it
-in a module of your own that calls `register`, and name that module in the environment variable
-SNCA_PLUGINS (several are separated by commas): every command, node and worker process imports it
-when it first looks something up. No file that is read, such as a controller file, causes an import.
+To add one from outside this project, write it in a module of your own that calls `register`, and
+name that module in the environment variable SNCA_PLUGINS (several are separated by commas): every
+command, node and worker process imports it when it first looks something up. No file that is read,
+such as a controller file, causes an import.
 """
 
 import importlib
