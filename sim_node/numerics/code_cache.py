@@ -16,11 +16,12 @@ import stat
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from numba.core import types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 
 _DEPENDENCIES = 'numba', 'llvmlite', 'numpy', 'pymunk'
@@ -204,6 +205,34 @@ class _CheckedFiles(IndexDataCacheFile):
             file.write(hashlib.sha256(dumped).digest() + dumped)
 
 
+def _classes(kinds: Iterable[Any]) -> Iterator[type]:
+    """Yield the classes of the named tuples in a signature."""
+    for kind in kinds:
+        if isinstance(kind, types.BaseTuple):
+            if isinstance(kind, types.BaseNamedTuple):
+                yield kind.instance_class
+            yield from _classes(kind)
+
+
+def _stamps(signature: Iterable[Any]) -> tuple[str, ...] | None:
+    """Return digests of the modules outside the packages whose classes are in a signature.
+
+    Compiled code calls methods of such a class (`dispatch`), so it depends on its module. None if
+    a class is of the main program or of no file: it is another class in each process.
+    """
+    found = []
+    for kind in _classes(signature):
+        try:
+            source = Path(inspect.getfile(kind)).resolve()
+        except (TypeError, OSError):
+            return None
+        if kind.__module__ == '__main__':
+            return None
+        if not source.is_relative_to(_ROOT):
+            found.append(hashlib.sha256(source.read_bytes()).hexdigest())
+    return tuple(found)
+
+
 class CodeCache(FunctionCache):
     """The compiled versions of one function. What cannot be loaded is forgotten, not an error."""
 
@@ -217,8 +246,13 @@ class CodeCache(FunctionCache):
             source_stamp=self._impl.locator.get_source_stamp(),
         )
 
+    def _index_key(self, sig: Any, codegen: Any) -> tuple:
+        return *super()._index_key(sig, codegen), _stamps(sig)
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the compiled version for a signature; None if there is none, or a damaged one."""
+        if _stamps(sig) is None:
+            return None
         try:
             return super().load_overload(sig, target_context)
         except Exception:
@@ -227,6 +261,8 @@ class CodeCache(FunctionCache):
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep a compiled version, if the disk lets us."""
+        if _stamps(sig) is None:
+            return
         try:
             super().save_overload(sig, data)
         except OSError as error:
