@@ -18,6 +18,7 @@ from sim_node.errors import InvalidInput, check_keys, check_name
 from sim_node.model.body_file import FORMAT_VERSION, body_of, check_version, field_of, read_archive
 from sim_node.model.material import Material
 from sim_node.model.morphology import Morphology
+from sim_node.model.sensors import SENSORS
 from sim_node.model.solver import Solver
 from snca_ros import __version__
 from snca_ros.cell.architecture import Architecture
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 _GIT_LIMIT = 30.0  # s
 _FIELDS = (
-    'format_version', 'architecture', 'morphology', 'terrain', 'material', 'solver',
+    'format_version', 'sensors', 'architecture', 'morphology', 'terrain', 'material', 'solver',
     'fitness', 'seed', 'evaluations', 'versions', 'chosen_by', 'v_x',
 )
 
@@ -149,9 +150,11 @@ def package_versions() -> dict[str, str]:
 
 def save_controller(path: Path | str, trained: TrainedController) -> None:
     """Write `trained` to `path`, atomically."""
+    cells = trained.architecture.to_dict()
     header = {
         'format_version': FORMAT_VERSION,
-        'architecture': trained.architecture.to_dict(),
+        'sensors': cells.pop('sensors'),
+        'architecture': cells,
         'morphology': {'name': trained.morphology.name, 'grid': trained.morphology.grid_string},
         'terrain': trained.terrain,
         'material': asdict(trained.material),
@@ -205,7 +208,8 @@ def _scores(values: Any) -> dict[str, float]:
 def _checked(header: dict, theta: np.ndarray) -> TrainedController:
     check_version(header)
     check_keys('header', header, _FIELDS)
-    architecture = Architecture.from_dict(field_of(header, 'architecture', dict))
+    cells, sensors = field_of(header, 'architecture', dict), header.get('sensors', SENSORS)
+    architecture = Architecture.from_dict({**cells, 'sensors': sensors})
     body = body_of(header)
     expected = architecture.n_parameters(body.morphology.n_voxels)
     if theta.dtype != np.float64 or theta.shape != (expected,):

@@ -214,14 +214,17 @@ def _classes(kinds: Iterable[Any]) -> Iterator[type]:
             yield from _classes(kind)
 
 
-def _stamps(signature: Iterable[Any]) -> tuple[str, ...] | None:
+def _stamps(signature: Any) -> tuple[str, ...] | None:
     """Return digests of the modules outside the packages whose classes are in a signature.
 
     Compiled code calls methods of such a class (`dispatch`), so it depends on its module. None if
     a class is of the main program or of no file: it is another class in each process.
+
+    Args:
+        signature: a tuple of types, or an object that has one as `args`.
     """
     found = []
-    for kind in _classes(signature):
+    for kind in _classes(getattr(signature, 'args', signature)):
         try:
             source = Path(inspect.getfile(kind)).resolve()
         except (TypeError, OSError):

@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 
 from sim_node.errors import InvalidInput, check_keys, check_name
 from sim_node.model.morphology import DIRECTIONS
-from sim_node.model.sensors import N_SENSORS
+from sim_node.model.sensors import SENSORS
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.cell.layers import n_synapses
 
@@ -28,6 +28,7 @@ class Architecture:
         n_c: message channels per direction; None for the paper's 4 (nD) or 1 (D).
         hidden: sizes of the hidden layers; None for the paper's one, as wide as the input.
         as_printed: follow the paper's printed equations where the authors' code differs.
+        sensors: names of what a cell reads of its voxel, in the order of its first inputs.
 
     Raises:
         InvalidInput: a value is not of this kind or out of range.
@@ -39,12 +40,19 @@ class Architecture:
     n_c: int = None  # type: ignore[assignment]  # filled in below
     hidden: tuple[int, ...] = None  # type: ignore[assignment]
     as_printed: bool = False
+    sensors: tuple[str, ...] = SENSORS
 
     def __post_init__(self) -> None:
         for name in ('uniform', 'directional', 'as_printed'):
             if not isinstance(getattr(self, name), bool):
                 raise InvalidInput(name, getattr(self, name), 'true or false')
         check_name('neuron_model', self.neuron_model, NEURON_MODELS)
+        is_list = isinstance(self.sensors, (tuple, list)) and len(self.sensors) > 0
+        if not is_list or len({*map(str, self.sensors)}) != len(self.sensors):
+            raise InvalidInput('sensors', self.sensors, 'a list of names, each once')
+        for name in self.sensors:
+            check_name('sensors', name, SENSORS)
+        object.__setattr__(self, 'sensors', tuple(self.sensors))
         if self.n_c is None:
             object.__setattr__(self, 'n_c', 1 if self.directional else 4)
         if not _is_size(self.n_c, _MAX_N_C):
@@ -91,8 +99,8 @@ class Architecture:
 
     @property
     def n_inputs(self) -> int:
-        """Return the inputs of a cell: 4 readings and n_c channels from each side."""
-        return N_SENSORS + len(DIRECTIONS) * self.n_c
+        """Return the inputs of a cell: a reading per sensor and n_c channels from each side."""
+        return len(self.sensors) + len(DIRECTIONS) * self.n_c
 
     @property
     def n_outputs(self) -> int:
@@ -115,7 +123,7 @@ class Architecture:
 
     def to_dict(self) -> dict:
         """Return the attributes as plain numbers, texts and lists."""
-        return {**asdict(self), 'hidden': list(self.hidden)}
+        return {**asdict(self), 'hidden': list(self.hidden), 'sensors': list(self.sensors)}
 
     @classmethod
     def from_dict(cls, values: dict) -> 'Architecture':

@@ -11,7 +11,6 @@ import numpy as np
 
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import OPPOSITE, Morphology
-from sim_node.model.sensors import N_SENSORS
 from sim_node.numerics.jit import compiled, inlined_part
 from sim_node.numerics.lane_array import zeros
 from sim_node.numerics.lanes import bits_of, like, load, mask_like, select, store
@@ -51,7 +50,7 @@ class GroupState(NamedTuple):
     v: np.ndarray  # lanes (n, n_neurons) potential [mV], which has leaked for the next step
     psi: np.ndarray  # lanes (n, n_neurons) homeostatic offset [mV]
     theta: np.ndarray | None  # lanes (n, n_neurons) threshold [mV]; None if it does not compound
-    last_spike: np.ndarray  # lanes (n, 4) SNN step of the newest spike that encodes each reading
+    last_spike: np.ndarray  # lanes (n, n_sensors) SNN step of each reading's newest spike
     counts: np.ndarray  # lanes (n, ACTUATION_WINDOW) actuation spikes per control step
     sent_trains: np.ndarray  # (n, n_destinations * n_c, SNN_STEPS) spikes sent
     heard_trains: np.ndarray  # the same as it was a control step ago
@@ -68,7 +67,7 @@ def step_group(cells, readings, step, actuation):
     """Deliver what the cells of all robots sent and advance them by one control step.
 
     Args:
-        readings: lanes (n, 4) sensor readings in [0, 1].
+        readings: lanes (n, n_sensors) sensor readings in [0, 1].
         step: control step k, the same for all cells.
         actuation: lanes (n, 1) in [-1, 1], written.
     """
@@ -93,8 +92,8 @@ def step_group(cells, readings, step, actuation):
 
 @inlined_part
 def _read_trains(cells, i, readings, step):
-    trains, first_step = cells.trains, float(step * SNN_STEPS)
-    for sensor in range(N_SENSORS):
+    n_sensors, trains, first_step = readings.shape[1], cells.trains, float(step * SNN_STEPS)
+    for sensor in range(n_sensors):
         last_spike = load(cells.last_spike, i, sensor)
         period = spike_period(load(readings, i, sensor))
         due = next_spike(period, last_spike, first_step)
@@ -109,7 +108,7 @@ def _read_trains(cells, i, readings, step):
         for c in range(cells.n_c):
             for h in range(SNN_STEPS):
                 heard = cells.heard_trains[sender, channel + c, h] if sender >= 0 else 0
-                trains[N_SENSORS + d * cells.n_c + c, h] = heard
+                trains[n_sensors + d * cells.n_c + c, h] = heard
 
 
 @inlined_part
@@ -131,13 +130,13 @@ def _write_trains(cells, i, step, actuation):
 
 @inlined_part
 def _read_values(cells, i, readings):
-    values = cells.values
-    for sensor in range(N_SENSORS):
+    n_sensors, values = readings.shape[1], cells.values
+    for sensor in range(n_sensors):
         store(values, 0, sensor, load(readings, i, sensor))
     for d in range(len(OPPOSITE)):
         sender, channel = cells.neighbors[i, d], cells.channels[d]
         for c in range(cells.n_c):
-            neuron = N_SENSORS + d * cells.n_c + c
+            neuron = n_sensors + d * cells.n_c + c
             if sender < 0:
                 store(values, 0, neuron, 0.0)
             else:
@@ -200,7 +199,7 @@ def make_cells(
         v=zeros(layout, width),
         psi=zeros(layout, width),
         theta=zeros(layout, width) if architecture.as_printed else None,
-        last_spike=zeros((n, N_SENSORS), width),
+        last_spike=zeros((n, len(architecture.sensors)), width),
         counts=zeros((n, ACTUATION_WINDOW), width),
         sent_trains=np.zeros((n, n_sent, SNN_STEPS), dtype=np.int64),
         heard_trains=np.zeros((n, n_sent, SNN_STEPS), dtype=np.int64),

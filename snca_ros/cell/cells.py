@@ -6,7 +6,6 @@ import numpy as np
 
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import DIRECTIONS
-from sim_node.model.sensors import N_SENSORS
 from sim_node.numerics.jit import compiled, inlined_part
 from snca_ros.cell import mlp, snn
 from snca_ros.cell.architecture import Architecture
@@ -38,7 +37,7 @@ class CellState(NamedTuple):
     v: np.ndarray  # (n, n_layers, W) potential [mV], which has leaked for the next step
     psi: np.ndarray  # (n, n_layers, W) homeostatic offset [mV]
     theta: np.ndarray  # (n, n_layers, W) threshold [mV], where it compounds
-    last_spike: np.ndarray  # (n, 4) SNN step of the newest spike that encodes each reading
+    last_spike: np.ndarray  # (n, n_sensors) SNN step of the newest spike that encodes each reading
     counts: np.ndarray  # (n, ACTUATION_WINDOW) actuation spikes per control step
     age: np.ndarray  # (n,) control steps made
     inbox: np.ndarray  # (n, 4, n_c) messages from above, left, below, right
@@ -70,7 +69,7 @@ def step_cells(cells, first, last, readings, step, actuation):
     offline controller and the voxel nodes step.
 
     Args:
-        readings: (n, 4) sensor readings in [0, 1].
+        readings: (n, n_sensors) sensor readings in [0, 1].
         step: control step k, the same for all cells.
         actuation: (n,) in [-1, 1], written.
     """
@@ -89,15 +88,15 @@ def step_cells(cells, first, last, readings, step, actuation):
 
 @inlined_part
 def _read_trains(cells, first, last, readings, step):
-    n_c = cells.inbox.shape[2]
+    n_sensors, n_c = readings.shape[1], cells.inbox.shape[2]
     for i in range(first, last):
-        for sensor in range(N_SENSORS):
+        for sensor in range(n_sensors):
             cells.trains[i, 0, sensor], cells.last_spike[i, sensor] = encode(
                 readings[i, sensor], cells.last_spike[i, sensor], step * SNN_STEPS
             )
         for d in range(4):
             for c in range(n_c):
-                cells.trains[i, 0, N_SENSORS + d * n_c + c] = int(cells.inbox[i, d, c])
+                cells.trains[i, 0, n_sensors + d * n_c + c] = int(cells.inbox[i, d, c])
 
 
 @inlined_part
@@ -115,13 +114,13 @@ def _write_trains(cells, first, last, actuation):
 
 @inlined_part
 def _read_values(cells, first, last, readings):
-    n_c = cells.inbox.shape[2]
+    n_sensors, n_c = readings.shape[1], cells.inbox.shape[2]
     for i in range(first, last):
-        for sensor in range(N_SENSORS):
+        for sensor in range(n_sensors):
             cells.values[i, 0, sensor] = readings[i, sensor]
         for d in range(4):
             for c in range(n_c):
-                cells.values[i, 0, N_SENSORS + d * n_c + c] = cells.inbox[i, d, c]
+                cells.values[i, 0, n_sensors + d * n_c + c] = cells.inbox[i, d, c]
 
 
 @inlined_part
@@ -173,7 +172,7 @@ class Cells:
             v=np.zeros((n, *layers)),
             psi=np.zeros((n, *layers)),
             theta=np.zeros((n, *layers)),
-            last_spike=np.zeros((n, N_SENSORS)),
+            last_spike=np.zeros((n, len(architecture.sensors))),
             counts=np.zeros((n, ACTUATION_WINDOW), dtype=np.int64),
             age=np.zeros(n, dtype=np.int64),
             inbox=np.zeros((n, len(DIRECTIONS), architecture.n_c)),
@@ -182,7 +181,7 @@ class Cells:
             currents=np.zeros((SNN_STEPS, layers[1])),
             values=np.zeros((n, *layers)),
         )
-        self._readings, self._actuation = np.zeros((n, N_SENSORS)), np.zeros(n)
+        self._readings, self._actuation = np.zeros((n, len(architecture.sensors))), np.zeros(n)
         self.reset()
 
     def reset(self) -> None:
