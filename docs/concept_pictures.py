@@ -18,7 +18,8 @@ from sim_node.model.terrain import parse_terrain
 from sim_node.simulation import Simulation
 from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
 from snca_ros.cell.coding import F_MAX, F_MIN, NEVER, SNN_RATE, SNN_STEPS, encode, spike_period
-from snca_ros.cell.snn import THETA_0, lif_constants, step_neuron
+from snca_ros.cell.models.lif import SNN, SNN_H
+from snca_ros.cell.models.model import step
 from snca_ros.controller_file import load_controller
 from snca_ros.evolution.episode import run_episode
 from snca_ros.files import write_text
@@ -97,24 +98,24 @@ def draw_coding() -> Figure:
 
 
 def draw_neuron() -> Figure:
-    """Draw a neuron under a steady rain of spikes, without and with homeostasis."""
+    """Draw a neuron under a regular train of spikes, without and with homeostasis."""
     figure = Figure(figsize=(6.4, 2.8), layout='constrained')
     time = np.arange(15 * SNN_STEPS)
     current = np.where(time % 3 == 0, 0.6, 0.0)
-    panels = zip(figure.subplots(1, 2, sharey=True), (False, True), strict=True)
-    for axes, homeostasis in panels:
-        lif, v, psi = lif_constants(homeostasis, False), 0.0, 0.0
+    panels = zip(figure.subplots(1, 2, sharey=True), (SNN, SNN_H), strict=True)
+    for axes, model in panels:
+        state = tuple(model.state.values())
         potentials, thresholds, spikes = [], [], []
         for h in time:
-            thresholds.append(THETA_0 + psi)
-            potentials.append(v + current[h])
-            silent, v, psi = step_neuron(lif, v, psi, THETA_0, current[h])
-            spikes += [] if silent else [h]
+            thresholds.append(model.theta_0 + state[1])
+            potentials.append(state[0] + current[h])
+            fires, state = step(model, state, (model.theta_0,), current[h])
+            spikes += [h] if fires else []
         ms = 1000 / SNN_RATE
         axes.plot(time * ms, potentials, linewidth=0.8, label='potential v')
         axes.plot(time * ms, thresholds, linewidth=1.2, label='threshold θ')
         axes.plot(np.array(spikes) * ms, np.full(len(spikes), 2.6), '|', color='0.2', label='spike')
-        name = 'snn-h, with homeostasis' if homeostasis else 'snn'
+        name = 'snn-h, with homeostasis' if model.homeostasis else 'snn'
         axes.set(xlabel='time [ms]', title=f'{name}: {len(spikes)} spikes')
     figure.axes[0].set(ylabel='[mV]')
     figure.axes[1].legend(loc='lower right', fontsize=7, framealpha=1.0)

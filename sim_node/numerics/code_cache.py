@@ -215,7 +215,7 @@ def _classes(kinds: Iterable[Any]) -> Iterator[type]:
 
 
 def _stamps(signature: Any) -> tuple[str, ...] | None:
-    """Return digests of the modules outside the packages whose classes are in a signature.
+    """Return the classes from outside the packages in a signature, and digests of their modules.
 
     Compiled code calls methods of such a class (`dispatch`), so it depends on its module. None if
     a class is of the main program or of no file: it is another class in each process.
@@ -232,7 +232,8 @@ def _stamps(signature: Any) -> tuple[str, ...] | None:
         if kind.__module__ == '__main__':
             return None
         if not source.is_relative_to(_ROOT):
-            found.append(hashlib.sha256(source.read_bytes()).hexdigest())
+            digest = hashlib.sha256(source.read_bytes()).hexdigest()
+            found.append(f'{kind.__module__}.{kind.__qualname__} {digest}')
     return tuple(found)
 
 
@@ -250,7 +251,10 @@ class CodeCache(FunctionCache):
         )
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple:
-        return *super()._index_key(sig, codegen), _stamps(sig)
+        """Return the key of a version; to read one must not import a class from outside."""
+        kind, *rest = super()._index_key(sig, codegen)
+        stamps = _stamps(sig)
+        return (kind if stamps == () else repr(kind), *rest, stamps)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the compiled version for a signature; None if there is none, or a damaged one."""

@@ -116,6 +116,16 @@ def _select_number(context, builder, signature, args):
 
 
 @intrinsic
+def negation(typing, mask):
+    """Return, lane by lane, whether `mask` does not hold; of a truth value as of a mask."""
+
+    def generate(context, builder, signature, args):
+        return builder.not_(args[0])
+
+    return mask(mask), generate
+
+
+@intrinsic
 def any_lane(typing, mask):
     """Tell whether `mask` holds in some lane: for skipping what no lane needs."""
 

@@ -6,10 +6,8 @@ from sim_node.errors import InvalidInput, check_keys, check_name
 from sim_node.model.morphology import DIRECTIONS
 from sim_node.model.sensors import SENSORS
 from snca_ros.cell.coding import SNN_STEPS
-from snca_ros.cell.layers import n_synapses
-
-NEURON_MODELS = ('mlp', 'snn', 'snn-h')
-"""Perceptron, spiking network, spiking network with homeostasis."""
+from snca_ros.cell.layers import n_parameters
+from snca_ros.cell.models import NEURON_MODELS, NeuronModel, printed_variant
 
 ARCHITECTURES = ('U-nD', 'U-D', 'nU-D', 'nU-nD')
 """Uniform or not (U, nU) and directional or not (D, nD); the paper studies the first three."""
@@ -46,7 +44,9 @@ class Architecture:
         for name in ('uniform', 'directional', 'as_printed'):
             if not isinstance(getattr(self, name), bool):
                 raise InvalidInput(name, getattr(self, name), 'true or false')
-        check_name('neuron_model', self.neuron_model, NEURON_MODELS)
+        NEURON_MODELS.find(self.neuron_model)
+        if self.as_printed:
+            printed_variant(NEURON_MODELS[self.neuron_model])
         is_list = isinstance(self.sensors, (tuple, list)) and len(self.sensors) > 0
         if not is_list or len({*map(str, self.sensors)}) != len(self.sensors):
             raise InvalidInput('sensors', self.sensors, 'a list of names, each once')
@@ -78,14 +78,15 @@ class Architecture:
         return f'{"U" if self.uniform else "nU"}-{"D" if self.directional else "nD"}'
 
     @property
-    def spiking(self) -> bool:
-        """Tell whether cells exchange spike trains rather than values."""
-        return self.neuron_model != 'mlp'
+    def model(self) -> NeuronModel:
+        """Return the neuron model, as the paper prints it if `as_printed`."""
+        model = NEURON_MODELS[self.neuron_model]
+        return printed_variant(model) if self.as_printed else model
 
     @property
-    def homeostasis(self) -> bool:
-        """Tell whether the neurons regulate their thresholds."""
-        return self.neuron_model == 'snn-h'
+    def spiking(self) -> bool:
+        """Return whether cells exchange spike trains rather than values."""
+        return NEURON_MODELS[self.neuron_model].spiking
 
     @property
     def message_width(self) -> int:
@@ -115,7 +116,7 @@ class Architecture:
     @property
     def weights_per_cell(self) -> int:
         """Return the number of parameters of one cell."""
-        return n_synapses(self.layer_sizes, bias=not self.spiking)
+        return n_parameters(self.layer_sizes, len(self.model.evolved))
 
     def n_parameters(self, n_voxels: int) -> int:
         """Return the number of evolved parameters of a robot of `n_voxels` voxels."""

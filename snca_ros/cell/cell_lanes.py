@@ -1,20 +1,19 @@
 """The cells of W robots of one shape that step side by side, one robot in each lane.
 
-`cells` is one robot's; here is the same cell with a vector in the place of every number. Both
-share their arithmetic: `coding`, `snn.step_neuron`, `elementary.tanh`.
+`cells` is one robot's. Both run their networks by the same code (`spiking_layers`, `value_layers`)
+and share the arithmetic of `coding`.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import OPPOSITE, Morphology
+from sim_node.numerics.dispatch import by_attribute
 from sim_node.numerics.jit import compiled, inlined_part
 from sim_node.numerics.lane_array import zeros
 from sim_node.numerics.lanes import bits_of, like, load, mask_like, select, store
-from snca_ros.cell import mlp_lanes, snn, snn_lanes
 from snca_ros.cell.architecture import Architecture
 from snca_ros.cell.coding import (
     ACTUATION_WINDOW,
@@ -24,7 +23,9 @@ from snca_ros.cell.coding import (
     next_spike,
     spike_period,
 )
-from snca_ros.cell.layers import pad_synapses, padded
+from snca_ros.cell.network import Network, make_network
+from snca_ros.cell.spiking_layers import clear, run_spiking
+from snca_ros.cell.value_layers import run_values
 
 MAX_WIDTH = 64
 """Robots at most: their spikes are the bits of an integer."""
@@ -34,32 +35,21 @@ class GroupState(NamedTuple):
     """Everything that a step of n cells of W robots reads and writes.
 
     Arrays of lanes are (rows, fields) of W each. A message is a number per channel in lanes, or a
-    train of SNN_STEPS masks over the robots (see `snn_lanes`).
+    train of SNN_STEPS masks over the robots (see `spiking_layers`).
     """
 
-    spiking: bool
+    network: Network
     n_c: int  # channels per direction
-    output: int  # first neuron of the output layer
-    sizes: np.ndarray  # (n_layers,) neurons per layer
-    rows: np.ndarray  # (n,) which row of weights and ceilings each cell runs
+    output: int  # first item of the output layer
     neighbors: np.ndarray  # (n, 4) who is above, left, below, right; -1 for nobody
     channels: np.ndarray  # (4,) the first of the n_c channels that each of them sends here
-    weights: np.ndarray  # lanes (n_rows, n_synapses), biases included
-    ceilings: np.ndarray  # lanes (n_rows, n_neurons) of the thresholds at rest [mV]
-    lif: snn.Lif
-    v: np.ndarray  # lanes (n, n_neurons) potential [mV], which has leaked for the next step
-    psi: np.ndarray  # lanes (n, n_neurons) homeostatic offset [mV]
-    theta: np.ndarray | None  # lanes (n, n_neurons) threshold [mV]; None if it does not compound
     last_spike: np.ndarray  # lanes (n, n_sensors) SNN step of each reading's newest spike
     counts: np.ndarray  # lanes (n, ACTUATION_WINDOW) actuation spikes per control step
     sent_trains: np.ndarray  # (n, n_destinations * n_c, SNN_STEPS) spikes sent
     heard_trains: np.ndarray  # the same as it was a control step ago
     sent_values: np.ndarray  # lanes (n, n_destinations * n_c) values sent
     heard_values: np.ndarray  # the same as it was a control step ago
-    trains: np.ndarray  # (n_neurons, SNN_STEPS) scratch: spikes of one cell's network, as masks
-    heard: np.ndarray  # (n_words, SNN_STEPS) scratch: neurons of the layer before that fire
-    fired: np.ndarray  # (n_words, SNN_STEPS) scratch: neurons of the layer that runs that fire
-    values: np.ndarray  # lanes (1, n_neurons) scratch: activations of one cell's perceptron
+    trains: np.ndarray  # (n_items, SNN_STEPS) scratch: spikes of one cell's network, as masks
 
 
 @compiled
@@ -71,23 +61,38 @@ def step_group(cells, readings, step, actuation):
         step: control step k, the same for all cells.
         actuation: lanes (n, 1) in [-1, 1], written.
     """
-    if cells.spiking:
-        cells.heard_trains[:] = cells.sent_trains
-        for i in range(cells.rows.shape[0]):
-            _read_trains(cells, i, readings, step)
-            snn_lanes.run_network(
-                cells.lif, i, cells.rows[i], cells.sizes, cells.weights, cells.ceilings,
-                cells.v, cells.psi, cells.theta, cells.trains, cells.heard, cells.fired,
-            )
-            _write_trains(cells, i, step, actuation)
-    else:
-        for i in range(cells.rows.shape[0]):
-            for c in range(cells.sent_values.shape[1]):
-                store(cells.heard_values, i, c, load(cells.sent_values, i, c))
-        for i in range(cells.rows.shape[0]):
-            _read_values(cells, i, readings)
-            mlp_lanes.run_network(cells.rows[i], cells.sizes, cells.weights, cells.values)
-            _write_values(cells, i, actuation)
+    _step_group(cells.network.model, cells, readings, step, actuation)
+
+
+@inlined_part
+def _step_spiking(model, cells, readings, step, actuation):
+    n_cells, n_channels, _ = cells.sent_trains.shape
+    for i in range(n_cells):
+        for c in range(n_channels):
+            for h in range(SNN_STEPS):
+                cells.heard_trains[i, c, h] = cells.sent_trains[i, c, h]
+    for i in range(cells.neighbors.shape[0]):
+        _read_trains(cells, i, readings, step)
+        clear(cells.network.fired)
+        run_spiking(cells.network, i, cells.trains)
+        _write_trains(cells, i, step, actuation)
+
+
+@inlined_part
+def _step_values(model, cells, readings, step, actuation):
+    for i in range(cells.neighbors.shape[0]):
+        for c in range(cells.sent_values.shape[1]):
+            store(cells.heard_values, i, c, load(cells.sent_values, i, c))
+    for i in range(cells.neighbors.shape[0]):
+        _read_values(cells, i, readings)
+        run_values(cells.network, i, None)
+        _write_values(cells, i, actuation)
+
+
+_step_group = by_attribute(
+    'spiking', {True: _step_spiking, False: _step_values},
+    'Advance all cells by a control step, whose networks exchange spikes or values.',
+)
 
 
 @inlined_part
@@ -130,7 +135,7 @@ def _write_trains(cells, i, step, actuation):
 
 @inlined_part
 def _read_values(cells, i, readings):
-    n_sensors, values = readings.shape[1], cells.values
+    n_sensors, values = readings.shape[1], cells.network.values
     for sensor in range(n_sensors):
         store(values, 0, sensor, load(readings, i, sensor))
     for d in range(len(OPPOSITE)):
@@ -145,10 +150,10 @@ def _read_values(cells, i, readings):
 
 @inlined_part
 def _write_values(cells, i, actuation):
-    output = cells.output
+    values, output = cells.network.values, cells.output
     for c in range(cells.sent_values.shape[1]):
-        store(cells.sent_values, i, c, load(cells.values, 0, output + 1 + c))
-    store(actuation, i, 0, load(cells.values, 0, output))
+        store(cells.sent_values, i, c, load(values, 0, output + 1 + c))
+    store(actuation, i, 0, load(values, 0, output))
 
 
 def make_cells(
@@ -177,55 +182,25 @@ def make_cells(
         shown = f'shape {thetas.shape}, finite: {bool(np.isfinite(thetas).all())}'
         expected = f'finite numbers of shape (m, {n_parameters}), m up to {width}'
         raise InvalidInput('thetas', shown, expected)
-    sizes, spiking = architecture.layer_sizes, architecture.spiking
-    multiple = snn_lanes.PAIR if spiking else 1
     n_rows = 1 if architecture.uniform else n
     robots = np.zeros((width, n_rows, architecture.weights_per_cell))
     robots[: len(thetas)] = thetas.reshape(len(thetas), n_rows, -1)
-    neurons = [padded(size, multiple) for size in sizes]
-    layout = n, sum(neurons)
+    rows = np.zeros(n, np.int64) if architecture.uniform else np.arange(n)
+    network = make_network(architecture, robots, rows, lanes_are_robots=True)
     n_sent = architecture.n_destinations * architecture.n_c
     cells = GroupState(
-        spiking=spiking,
+        network=network,
         n_c=architecture.n_c,
-        sizes=np.array(sizes, dtype=np.int64),
-        output=sum(neurons[:-1]),
-        rows=np.zeros(n, np.int64) if architecture.uniform else np.arange(n),
+        output=int(network.items[:-1].sum()),
         neighbors=morphology.neighbors,
         channels=np.array(OPPOSITE) * architecture.n_c * architecture.directional,
-        weights=_in_lanes(robots, lambda w: pad_synapses(sizes, w, not spiking, multiple)),
-        ceilings=_in_lanes(robots, lambda w: _ceilings(sizes, w, architecture.homeostasis)),
-        lif=snn.lif_constants(architecture.homeostasis, architecture.as_printed),
-        v=zeros(layout, width),
-        psi=zeros(layout, width),
-        theta=zeros(layout, width) if architecture.as_printed else None,
         last_spike=zeros((n, len(architecture.sensors)), width),
         counts=zeros((n, ACTUATION_WINDOW), width),
         sent_trains=np.zeros((n, n_sent, SNN_STEPS), dtype=np.int64),
         heard_trains=np.zeros((n, n_sent, SNN_STEPS), dtype=np.int64),
         sent_values=zeros((n, n_sent), width),
         heard_values=zeros((n, n_sent), width),
-        trains=np.zeros((sum(neurons), SNN_STEPS), dtype=np.int64),
-        heard=np.zeros((-(-max(sizes) // snn_lanes.WORD), SNN_STEPS), dtype=np.int64),
-        fired=np.zeros((-(-max(sizes) // snn_lanes.WORD), SNN_STEPS), dtype=np.int64),
-        values=zeros((1, sum(neurons)), width),
+        trains=np.zeros((network.items.sum(), SNN_STEPS), dtype=np.int64),
     )
     cells.last_spike['lane'] = NEVER
-    if cells.theta is not None:
-        cells.theta['lane'] = snn.THETA_0
     return cells
-
-
-def _in_lanes(robots: np.ndarray, lay_out: Callable) -> np.ndarray:
-    """Return `lay_out` of each cell's weights, given (W, n_rows, ...), as lanes (n_rows, k)."""
-    rows = np.array([[lay_out(weights) for weights in robot] for robot in robots])
-    array = zeros(rows.shape[1:], len(robots))
-    array['lane'][:] = rows.transpose(1, 2, 0)
-    return array
-
-
-def _ceilings(sizes: tuple[int, ...], weights: np.ndarray, homeostasis: bool) -> np.ndarray:
-    """Return one cell's thresholds' ceilings [mV], a layer after the other."""
-    layers = snn.threshold_ceilings(sizes, weights, homeostasis)
-    widths = (padded(size, snn_lanes.PAIR) for size in sizes)
-    return np.concatenate([layer[:n] for layer, n in zip(layers, widths, strict=True)])

@@ -3,57 +3,50 @@
 from typing import NamedTuple
 
 import numpy as np
+from numba.cpython.unsafe.numbers import trailing_zeros
 
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import DIRECTIONS
+from sim_node.numerics.dispatch import by_attribute
 from sim_node.numerics.jit import compiled, inlined_part
-from snca_ros.cell import mlp, snn
+from sim_node.numerics.lane_tuples import store_each
 from snca_ros.cell.architecture import Architecture
 from snca_ros.cell.coding import (
     ACTUATION_WINDOW,
     NEVER,
     SNN_STEPS,
-    count_spikes,
     decode,
     encode,
     pack_trains,
     unpack_trains,
 )
-from snca_ros.cell.layers import pad_synapses, padded
+from snca_ros.cell.network import NEURONS, WORD, Network, by_neuron, make_network
+from snca_ros.cell.spiking_layers import clear, run_spiking
+from snca_ros.cell.value_layers import run_values
 
 
 class CellState(NamedTuple):
-    """Everything that a step of n cells reads and writes; W is the widest layer's padded size.
+    """Everything that a step of n cells of one robot reads and writes.
 
     A message holds one number per channel: a value, or a spike train as the integer that it is.
     """
 
-    spiking: bool
-    sizes: np.ndarray  # (n_layers,) neurons per layer
-    rows: np.ndarray  # (n,) which row of weights and ceilings each cell runs
-    weights: np.ndarray  # (n_rows, ...) with rows of synapses padded
-    ceilings: np.ndarray  # (n_rows, n_layers, W) of the thresholds at rest [mV]
-    lif: snn.Lif
-    v: np.ndarray  # (n, n_layers, W) potential [mV], which has leaked for the next step
-    psi: np.ndarray  # (n, n_layers, W) homeostatic offset [mV]
-    theta: np.ndarray  # (n, n_layers, W) threshold [mV], where it compounds
-    last_spike: np.ndarray  # (n, n_sensors) SNN step of the newest spike that encodes each reading
+    network: Network
+    values: np.ndarray  # (n_neurons,) the memory of the network's values
+    last_spike: np.ndarray  # (n, n_sensors) SNN step of each reading's newest spike
     counts: np.ndarray  # (n, ACTUATION_WINDOW) actuation spikes per control step
     age: np.ndarray  # (n,) control steps made
     inbox: np.ndarray  # (n, 4, n_c) messages from above, left, below, right
     outbox: np.ndarray  # (n, n_destinations, n_c) messages sent
-    trains: np.ndarray  # (n, n_layers, W) spike trains of all neurons
-    currents: np.ndarray  # (SNN_STEPS, W) scratch: of one layer's neurons [mV]
-    values: np.ndarray  # (n, n_layers, W) activations of all neurons
 
 
 @compiled
 def reset_cells(cells, first, last):
-    """Let the cells from `first` to `last` forget everything but their weights."""
+    """Reset the cells from `first` to `last`: everything but their weights."""
+    network = cells.network
     for i in range(first, last):
-        cells.v[i] = 0.0
-        cells.psi[i] = 0.0
-        cells.theta[i] = snn.THETA_0
+        for j in range(network.items.sum()):
+            store_each(network.state, i, j, network.start)
         cells.last_spike[i] = NEVER
         cells.counts[i] = 0
         cells.age[i] = 0
@@ -73,65 +66,90 @@ def step_cells(cells, first, last, readings, step, actuation):
         step: control step k, the same for all cells.
         actuation: (n,) in [-1, 1], written.
     """
-    if cells.spiking:
-        _read_trains(cells, first, last, readings, step)
-        snn.run_networks(
-            cells.lif, first, last, cells.rows, cells.sizes, cells.weights, cells.ceilings,
-            cells.currents, cells.v, cells.psi, cells.theta, cells.trains,
+    for i in range(first, last):
+        _step_cell(cells.network.model, cells, i, readings, step, actuation)
+
+
+@inlined_part
+def _step_spiking(model, cells, i, readings, step, actuation):
+    _read_trains(cells, i, readings, step)
+    run_spiking(cells.network, i, None)
+    _write_trains(cells, i, actuation)
+
+
+@inlined_part
+def _step_values(model, cells, i, readings, step, actuation):
+    _read_values(cells, i, readings)
+    run_values(cells.network, i, cells.values)
+    _write_values(cells, i, actuation)
+
+
+_step_cell = by_attribute(
+    'spiking', {True: _step_spiking, False: _step_values},
+    'Advance cell i by a control step, whose network exchanges spikes or values.',
+)
+
+
+@inlined_part
+def _read_trains(cells, i, readings, step):
+    """Put the spikes of readings and messages among the neurons that fire."""
+    fired, n_sensors, n_c = cells.network.fired, readings.shape[1], cells.inbox.shape[2]
+    clear(fired)
+    for sensor in range(n_sensors):
+        train, cells.last_spike[i, sensor] = encode(
+            readings[i, sensor], cells.last_spike[i, sensor], step * SNN_STEPS
         )
-        _write_trains(cells, first, last, actuation)
-    else:
-        _read_values(cells, first, last, readings)
-        mlp.run_networks(first, last, cells.rows, cells.sizes, cells.weights, cells.values)
-        _write_values(cells, first, last, actuation)
+        _put_train(fired, sensor, train)
+    for d in range(4):
+        for c in range(n_c):
+            _put_train(fired, n_sensors + d * n_c + c, int(cells.inbox[i, d, c]))
 
 
 @inlined_part
-def _read_trains(cells, first, last, readings, step):
+def _put_train(fired, neuron, train):
+    while train != 0:
+        h = trailing_zeros(train)
+        train &= train - 1
+        fired[neuron // WORD, h] |= 1 << neuron % WORD
+
+
+@inlined_part
+def _write_trains(cells, i, actuation):
+    fired, n_c = cells.network.fired, cells.outbox.shape[2]
+    n_spikes = 0
+    for h in range(SNN_STEPS):
+        n_spikes += fired[0, h] & 1
+    cells.counts[i, cells.age[i] % ACTUATION_WINDOW] = n_spikes
+    cells.age[i] += 1
+    actuation[i] = decode(cells.counts, i, cells.age[i])
+    for d in range(cells.outbox.shape[1]):
+        for c in range(n_c):
+            neuron = 1 + d * n_c + c
+            train = 0
+            for h in range(SNN_STEPS):
+                train |= (fired[neuron // WORD, h] >> neuron % WORD & 1) << h
+            cells.outbox[i, d, c] = train
+
+
+@inlined_part
+def _read_values(cells, i, readings):
     n_sensors, n_c = readings.shape[1], cells.inbox.shape[2]
-    for i in range(first, last):
-        for sensor in range(n_sensors):
-            cells.trains[i, 0, sensor], cells.last_spike[i, sensor] = encode(
-                readings[i, sensor], cells.last_spike[i, sensor], step * SNN_STEPS
-            )
-        for d in range(4):
-            for c in range(n_c):
-                cells.trains[i, 0, n_sensors + d * n_c + c] = int(cells.inbox[i, d, c])
+    for sensor in range(n_sensors):
+        cells.values[sensor] = readings[i, sensor]
+    for d in range(4):
+        for c in range(n_c):
+            cells.values[n_sensors + d * n_c + c] = cells.inbox[i, d, c]
 
 
 @inlined_part
-def _write_trains(cells, first, last, actuation):
-    n_c, output = cells.outbox.shape[2], cells.trains.shape[1] - 1
-    for i in range(first, last):
-        for d in range(cells.outbox.shape[1]):
-            for c in range(n_c):
-                cells.outbox[i, d, c] = cells.trains[i, output, 1 + d * n_c + c]
-        n_spikes = count_spikes(cells.trains[i, output, 0])
-        cells.counts[i, cells.age[i] % ACTUATION_WINDOW] = n_spikes
-        cells.age[i] += 1
-        actuation[i] = decode(cells.counts, i, cells.age[i])
-
-
-@inlined_part
-def _read_values(cells, first, last, readings):
-    n_sensors, n_c = readings.shape[1], cells.inbox.shape[2]
-    for i in range(first, last):
-        for sensor in range(n_sensors):
-            cells.values[i, 0, sensor] = readings[i, sensor]
-        for d in range(4):
-            for c in range(n_c):
-                cells.values[i, 0, n_sensors + d * n_c + c] = cells.inbox[i, d, c]
-
-
-@inlined_part
-def _write_values(cells, first, last, actuation):
-    n_c, output = cells.outbox.shape[2], cells.values.shape[1] - 1
-    for i in range(first, last):
-        for d in range(cells.outbox.shape[1]):
-            for c in range(n_c):
-                cells.outbox[i, d, c] = cells.values[i, output, 1 + d * n_c + c]
-        cells.age[i] += 1
-        actuation[i] = cells.values[i, output, 0]
+def _write_values(cells, i, actuation):
+    n_c, items = cells.outbox.shape[2], cells.network.items
+    output = (items.sum() - items[items.shape[0] - 1]) * NEURONS
+    for d in range(cells.outbox.shape[1]):
+        for c in range(n_c):
+            cells.outbox[i, d, c] = cells.values[output + 1 + d * n_c + c]
+    cells.age[i] += 1
+    actuation[i] = cells.values[output]
 
 
 class Cells:
@@ -156,43 +174,54 @@ class Cells:
             raise InvalidInput('weights', shown, f'finite numbers of shape (n, {expected})')
         self.architecture = architecture
         rows = np.arange(len(weights)) if rows is None else np.asarray(rows, dtype=np.int64)
-        n, sizes, spiking = len(rows), architecture.layer_sizes, architecture.spiking
-        layers = (len(sizes), padded(max(sizes)))
+        n = len(rows)
+        network = make_network(architecture, weights[None], rows, lanes_are_robots=False)
         self.state = CellState(
-            spiking=spiking,
-            sizes=np.array(sizes, dtype=np.int64),
-            rows=rows,
-            weights=np.stack([pad_synapses(sizes, w, bias=not spiking) for w in weights]),
-            ceilings=np.array(
-                [snn.threshold_ceilings(sizes, w, architecture.homeostasis) for w in weights]
-                if spiking
-                else np.zeros((len(weights), *layers))
-            ),
-            lif=snn.lif_constants(architecture.homeostasis, architecture.as_printed),
-            v=np.zeros((n, *layers)),
-            psi=np.zeros((n, *layers)),
-            theta=np.zeros((n, *layers)),
+            network=network,
+            values=network.values.view(np.ndarray)['lane'].reshape(-1),
             last_spike=np.zeros((n, len(architecture.sensors))),
             counts=np.zeros((n, ACTUATION_WINDOW), dtype=np.int64),
             age=np.zeros(n, dtype=np.int64),
             inbox=np.zeros((n, len(DIRECTIONS), architecture.n_c)),
             outbox=np.zeros((n, architecture.n_destinations, architecture.n_c)),
-            trains=np.zeros((n, *layers), dtype=np.int64),
-            currents=np.zeros((SNN_STEPS, layers[1])),
-            values=np.zeros((n, *layers)),
         )
         self._readings, self._actuation = np.zeros((n, len(architecture.sensors))), np.zeros(n)
         self.reset()
 
     def reset(self) -> None:
         """Forget everything but the weights."""
-        reset_cells(self.state, 0, len(self.state.rows))
+        reset_cells(self.state, 0, len(self.state.age))
 
     @property
     def outbox(self) -> np.ndarray:
         """Return the (n, n_destinations, n_c, width) spikes or values sent last."""
         sent = self.state.outbox
-        return unpack_trains(sent) if self.state.spiking else sent[..., np.newaxis].copy()
+        return unpack_trains(sent) if self.architecture.spiking else sent[..., np.newaxis].copy()
+
+    def variables(self, name: str) -> np.ndarray:
+        """Return a variable of the neuron model, (n, n_neurons), a layer after the other."""
+        network = self.state.network
+        array = network.state[list(self.architecture.model.state).index(name)]
+        return np.concatenate(by_neuron(network, array), axis=1)
+
+    def thresholds(self) -> np.ndarray | None:
+        """Return the thresholds [mV] of all neurons but the inputs, (n, n_neurons).
+
+        None if the neuron model has none.
+        """
+        network, model = self.state.network, self.architecture.model
+        if not hasattr(model, 'thresholds'):
+            return None
+        own = [by_neuron(network, array) for array in network.own]
+        state = [by_neuron(network, array) for array in network.state]
+        layers = [
+            model.thresholds(
+                tuple(array[layer] for array in state),
+                tuple(array[layer][network.rows] for array in own),
+            )
+            for layer in range(1, len(network.sizes))
+        ]
+        return np.concatenate(layers, axis=1)
 
     def silence(self) -> np.ndarray:
         """Return an inbox, (4, n_c, width), in which nothing was said."""
@@ -206,7 +235,7 @@ class Cells:
             inbox: (4, n_c, width) spikes or values from above, left, below, right.
         """
         state = self.state
-        state.inbox[i] = pack_trains(inbox) if state.spiking else inbox[..., 0]
+        state.inbox[i] = pack_trains(inbox) if self.architecture.spiking else inbox[..., 0]
         self._readings[i] = readings
         step_cells(state, i, i + 1, self._readings, step, self._actuation)
         return float(self._actuation[i])

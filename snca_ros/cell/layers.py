@@ -1,39 +1,58 @@
-"""Fully connected layers, laid out so that loops over a layer's neurons fill whole vectors."""
+"""Fully connected layers: the order of a cell's parameters, and how arrays of lanes hold them."""
+
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-LANES = 8
-"""Rows of neurons are padded to a multiple of this; padding has no weight and never fires."""
+PAIR = 2
+"""Items of a spiking layer that step by turns, for each has to wait for its own last step."""
 
 
-def padded(n: int, multiple: int = LANES) -> int:
-    """Return `n` neurons rounded up to a multiple, by default to whole vectors."""
-    return -(-n // multiple) * multiple
+def n_parameters(sizes: tuple[int, ...], n_evolved: int) -> int:
+    """Return the number of parameters of layers of these sizes.
+
+    Args:
+        sizes: neurons per layer.
+        n_evolved: evolved parameters of each neuron but the inputs, beside its weights.
+    """
+    return sum((a + n_evolved) * b for a, b in zip(sizes[:-1], sizes[1:], strict=True))
 
 
-def n_synapses(sizes: tuple[int, ...], bias: bool) -> int:
-    """Return the number of weights, and biases if any, of layers of these sizes."""
-    return sum((a + bias) * b for a, b in zip(sizes[:-1], sizes[1:], strict=True))
+class Layer(NamedTuple):
+    """The parameters of a layer's n neurons."""
+
+    evolved: np.ndarray  # (n_evolved, n)
+    synapses: np.ndarray  # (n_presynaptic, n) weights
 
 
-def synapses_by_layer(
-    sizes: tuple[int, ...], weights: np.ndarray, bias: bool
-) -> list[np.ndarray]:
-    """Return each layer's (presynaptic neurons, neurons) weights; a bias row comes first."""
+def layers_of(sizes: tuple[int, ...], parameters: np.ndarray, n_evolved: int) -> list[Layer]:
+    """Return the layers after the input layer.
+
+    Args:
+        sizes: neurons per layer.
+        parameters: (n_parameters,) layer after layer: the neurons' evolved parameters, then the
+            weights, a row per presynaptic neuron.
+        n_evolved: evolved parameters per neuron.
+    """
     layers, first = [], 0
-    for pre, post in zip(sizes[:-1], sizes[1:], strict=True):
-        last = first + (pre + bias) * post
-        layers.append(weights[first:last].reshape(pre + bias, post))
+    for pre, n in zip(sizes[:-1], sizes[1:], strict=True):
+        middle, last = first + n_evolved * n, first + (n_evolved + pre) * n
+        layers.append(Layer(
+            parameters[first:middle].reshape(n_evolved, n),
+            parameters[middle:last].reshape(pre, n),
+        ))
         first = last
     return layers
 
 
-def pad_synapses(
-    sizes: tuple[int, ...], weights: np.ndarray, bias: bool, multiple: int = LANES
+def padded(n: int, multiple: int) -> int:
+    """Return `n` rounded up to a multiple."""
+    return -(-n // multiple) * multiple
+
+
+def pad(
+    rows: np.ndarray, multiple: int, mode: Literal['constant', 'edge'] = 'constant'
 ) -> np.ndarray:
-    """Return `weights`, layer by layer, presynaptic index slow, with every row padded by zeros."""
-    rows = [
-        np.pad(w, ((0, 0), (0, padded(w.shape[1], multiple) - w.shape[1])))
-        for w in synapses_by_layer(sizes, weights, bias)
-    ]
-    return np.concatenate([row.ravel() for row in rows])
+    """Return (k, n) rows with n padded to a multiple, by zeros or, mode 'edge', the last value."""
+    width = padded(rows.shape[1], multiple) - rows.shape[1]
+    return np.pad(rows, ((0, 0), (0, width)), mode=mode)

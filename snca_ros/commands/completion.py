@@ -14,7 +14,8 @@ from sim_node.errors import InvalidInput, check_name
 from sim_node.model.morphology import SHAPES
 from sim_node.model.terrain import UNSEEN_TERRAINS
 from snca_ros.bundled import bundled_controllers
-from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS
+from snca_ros.cell.architecture import ARCHITECTURES
+from snca_ros.cell.models import NEURON_MODELS
 from snca_ros.commands import COMMANDS, load_command
 from snca_ros.evolution.strategies import STRATEGIES
 from snca_ros.graph.executables import NODES

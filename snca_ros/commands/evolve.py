@@ -12,7 +12,8 @@ import numpy as np
 from sim_node.model.constants import help_of
 from sim_node.model.morphology import SHAPES
 from sim_node.model.solver import Solver
-from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS
+from snca_ros.cell.architecture import ARCHITECTURES
+from snca_ros.cell.models import NEURON_MODELS
 from snca_ros.command_line import INTERRUPTED
 from snca_ros.commands.worker_options import add_worker_arguments, open_workers
 from snca_ros.evolution.checkpoint import Progress, RunFolder

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from snca_ros.campaign.results import read_curve
-from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS
+from snca_ros.cell.architecture import ARCHITECTURES
+from snca_ros.cell.models import NEURON_MODELS
 from snca_ros.comparison.pairwise import Contrast
 from snca_ros.comparison.rank_test import quartiles
 from snca_ros.comparison.runs import (

@@ -14,7 +14,8 @@ from sim_node.model.terrain import TERRAIN_SETS
 from snca_ros.campaign.columns import unusual_cell
 from snca_ros.campaign.results import read_rows
 from snca_ros.campaign.specification import read_campaign
-from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS
+from snca_ros.cell.architecture import ARCHITECTURES
+from snca_ros.cell.models import NEURON_MODELS
 from snca_ros.evolution.strategies import STRATEGIES
 
 END, OTHER_ENGINE, UNSEEN = 'v_x_end', 'v_x_other', 'v_x_unseen'
@@ -63,7 +64,7 @@ class ControllerType:
     @property
     def order(self) -> tuple[bool, int, int, str]:
         """Return what sorts types: the paper's own comes first."""
-        model = NEURON_MODELS.index(self.neuron_model)
+        model = list(NEURON_MODELS).index(self.neuron_model)
         return self.as_printed, ARCHITECTURES.index(self.architecture), -model, self.settings
 
 

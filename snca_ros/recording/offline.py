@@ -9,7 +9,6 @@ from sim_node.control_time import CONTROL_RATE
 from sim_node.errors import InvalidInput
 from sim_node.model.sensors import N_SENSORS
 from sim_node.simulation import Diverged, Simulation
-from snca_ros.cell.snn import THETA_0
 from snca_ros.controller import Controller
 from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import run_episode
@@ -177,15 +176,10 @@ def mean_thresholds(controller: Controller) -> np.ndarray:
 
     Cells of perceptrons have none: NaN.
     """
-    cells = controller.cells.state
-    if not cells.spiking:
-        return np.full(len(cells.rows), np.nan)
-    if cells.lif.as_printed:
-        thresholds = cells.theta
-    else:
-        thresholds = np.minimum(THETA_0, cells.ceilings[cells.rows]) + cells.psi
-    layers = [thresholds[:, i, :n] for i, n in enumerate(cells.sizes) if i > 0]
-    return np.concatenate(layers, axis=1).mean(axis=1)
+    thresholds = controller.cells.thresholds()
+    if thresholds is None:
+        return np.full(controller.morphology.n_voxels, np.nan)
+    return thresholds.mean(axis=1)
 
 
 def replayed_thresholds(recording: Recording, trained: TrainedController) -> np.ndarray | None:

@@ -109,10 +109,11 @@ def start(tmp_path):
     children: list[subprocess.Popen] = []
 
     def run(*arguments: object, **options) -> subprocess.Popen:
+        path = os.pathsep.join(map(str, [ROOT, *options.pop('path', ())]))
         child = subprocess.Popen(
             [*options.pop('prefix', ()), sys.executable, '-m', 'snca_ros', *map(str, arguments)],
             cwd=options.pop('cwd', tmp_path),
-            env={**os.environ, 'PYTHONPATH': str(ROOT), PARENT: str(os.getpid())},
+            env={**os.environ, 'PYTHONPATH': path, PARENT: str(os.getpid())},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

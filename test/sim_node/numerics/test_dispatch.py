@@ -110,6 +110,17 @@ def test_code_is_kept_until_the_module_of_the_class_changes(tmp_path):
     assert run(tmp_path) == ['-27.0', '0']
 
 
+def test_code_for_one_class_is_found_without_the_module_of_another(tmp_path):
+    own = PROGRAM.replace('from curves import Cube', 'from lines import Cube')
+    for name, text in (('curves', CURVES), ('lines', CURVES), ('kernels', KERNELS)):
+        (tmp_path / f'{name}.py').write_text(text)
+    for text, hits in ((PROGRAM, '0'), (own, '0'), (own, '1')):
+        (tmp_path / 'program.py').write_text(text)
+        assert run(tmp_path) == ['27.0', hits]
+        if text == own:
+            (tmp_path / 'curves.py').unlink(missing_ok=True)
+
+
 def test_code_for_a_class_of_the_main_program_is_not_kept(tmp_path):
     text = PROGRAM.replace('from curves import Cube', CURVES)
     for name, source in (('program', text), ('kernels', KERNELS)):

@@ -14,8 +14,9 @@ from support.reference_cell import (
 
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import parse_morphology
-from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS, Architecture
+from snca_ros.cell.architecture import ARCHITECTURES, Architecture
 from snca_ros.cell.cells import Cells
+from snca_ros.cell.models import NEURON_MODELS
 from snca_ros.controller import Controller
 
 PAPERS = ('U-nD', 'U-D', 'nU-D')
@@ -27,7 +28,7 @@ architectures = st.builds(
     Architecture,
     st.booleans(),
     st.booleans(),
-    st.sampled_from(NEURON_MODELS),
+    st.sampled_from(list(NEURON_MODELS)),
     n_c=st.integers(1, 64),
     hidden=st.lists(st.integers(1, 1024), max_size=8).map(tuple),
     as_printed=st.booleans(),
@@ -125,7 +126,7 @@ def test_cells_keep_weights_of_their_own():
     weights = np.ones((1, 117))
     cells = Cells(architecture, weights)
     weights[:] = 0.0
-    assert set(cells.state.weights.ravel()) == {0.0, 1.0}  # 0: padding
+    assert set(cells.state.network.weights['lane'].ravel()) == {0.0, 1.0}  # 0: padding
 
 
 @pytest.mark.parametrize(
@@ -252,6 +253,7 @@ def test_defaults_are_written_out(name, model):
     assert values == {
         'uniform': name.startswith('U'), 'directional': name.endswith('-D'),
         'neuron_model': model, 'n_c': n_c, 'hidden': [4 + 4 * n_c], 'as_printed': False,
+        'sensors': ['area', 'touch', 'velocity_x', 'velocity_y'],
     }
     short = {key: values[key] for key in ('uniform', 'directional', 'neuron_model')}
     assert Architecture.from_dict(short) == Architecture.named(name, model)

@@ -6,10 +6,10 @@ import pytest
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import parse_morphology
 from sim_node.numerics.lane_array import zeros
-from snca_ros.cell.architecture import ARCHITECTURES, NEURON_MODELS, Architecture
+from snca_ros.cell.architecture import ARCHITECTURES, Architecture
 from snca_ros.cell.cell_lanes import MAX_WIDTH, make_cells, step_group
-from snca_ros.cell.layers import padded
-from snca_ros.cell.snn_lanes import PAIR
+from snca_ros.cell.layers import PAIR, padded
+from snca_ros.cell.models import NEURON_MODELS
 from snca_ros.controller import Controller
 
 SHAPE = parse_morphology('111-101')
@@ -37,11 +37,10 @@ def run_group(cells, readings):
 
 
 def of_layers(architecture, rows):
-    """Return (n, n_neurons) without padding, of a group's or a cell's (n, ...) rows."""
+    """Return a group's (n, n_items) without padding."""
+    multiple = PAIR if architecture.spiking else 1
     sizes = architecture.layer_sizes
-    if rows.ndim == 3:
-        return np.concatenate([rows[:, i, :n] for i, n in enumerate(sizes)], axis=1)
-    starts = np.cumsum([0, *(padded(n, PAIR) for n in sizes)])
+    starts = np.cumsum([0, *(padded(n, multiple) for n in sizes)])
     return np.concatenate([rows[:, s : s + n] for s, n in zip(starts, sizes, strict=False)], axis=1)
 
 
@@ -62,14 +61,12 @@ def check(architecture, width, n_steps=300, scale=1.0):
         if architecture.spiking:
             bits = state.sent_trains >> lane & 1
             np.testing.assert_array_equal(bits @ (1 << np.arange(16)), sent)
-            for name in ('v', 'psi', 'theta'):
-                if name != 'theta' or architecture.as_printed:
-                    lanes = of_layers(architecture, getattr(state, name)['lane'][..., lane])
-                    expected = of_layers(architecture, getattr(one, name))
-                    np.testing.assert_array_equal(lanes, expected, err_msg=name)
             np.testing.assert_array_equal(state.last_spike['lane'][..., lane], one.last_spike)
         else:
             np.testing.assert_array_equal(state.sent_values['lane'][..., lane], sent)
+        for name, array in zip(architecture.model.state, state.network.state, strict=True):
+            lanes = of_layers(architecture, array['lane'][..., lane])
+            np.testing.assert_array_equal(lanes, controller.cells.variables(name), err_msg=name)
         spoken += np.count_nonzero(sent)
     assert spoken > 0
 

@@ -51,7 +51,7 @@ def test_theta_of_a_non_uniform_robot_has_all_voxels(path, header):
     write(path, header, np.zeros(117))
     assert '(351,)' in refusal(path)
     write(path, header, np.zeros(351))
-    assert len(load_controller(path).controller().cells.state.weights) == 3
+    assert len(load_controller(path).controller().cells.state.network.weights) == 3
 
 
 @pytest.mark.parametrize('index', [0, 5, 116])

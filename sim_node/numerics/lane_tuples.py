@@ -1,0 +1,51 @@
+"""Tuples of lane arrays, as many as there are: one item of each, loaded, stored, compared."""
+
+from typing import Any
+
+from numba.extending import overload
+
+from sim_node.numerics.dispatch import INLINE
+from sim_node.numerics.lanes import load, store
+
+
+def load_each(arrays: Any, i: Any, j: Any) -> Any:
+    """Return the tuple of the lanes of array[i, j] of each of a tuple of lane arrays."""
+    raise NotImplementedError('compiled code only')
+
+
+@overload(load_each, jit_options=INLINE)
+def _load_each(arrays, i, j):
+    if len(arrays) == 0:
+        return lambda arrays, i, j: ()
+    return lambda arrays, i, j: (load(arrays[0], i, j), *load_each(arrays[1:], i, j))
+
+
+def store_each(arrays: Any, i: Any, j: Any, values: Any) -> None:
+    """Write a tuple of lanes, or of numbers for all lanes, to array[i, j] of each lane array."""
+    raise NotImplementedError('compiled code only')
+
+
+@overload(store_each, jit_options=INLINE)
+def _store_each(arrays, i, j, values):
+    if len(arrays) == 0:
+        return lambda arrays, i, j, values: None
+
+    def write(arrays, i, j, values):
+        store(arrays[0], i, j, values[0])
+        store_each(arrays[1:], i, j, values[1:])
+
+    return write
+
+
+def all_equal(mask: Any, lanes: Any, values: Any) -> Any:
+    """Return where `mask` holds and each of a tuple of lanes has the value in another tuple."""
+    raise NotImplementedError('compiled code only')
+
+
+@overload(all_equal, jit_options=INLINE)
+def _all_equal(mask, lanes, values):
+    if len(lanes) == 0:
+        return lambda mask, lanes, values: mask
+    return lambda mask, lanes, values: all_equal(
+        mask & (lanes[0] == values[0]), lanes[1:], values[1:]
+    )

@@ -1,0 +1,116 @@
+"""The neurons of n cells as arrays of lanes, whatever a lane is.
+
+The networks of one robot have eight neurons of a layer side by side in the lanes, those of W robots
+have one neuron of W robots. The code that steps them (`spiking_layers`, `value_layers`) is the
+same. An item is what the lanes of an array hold at one place: eight neurons, or one.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sim_node.numerics.lane_array import LaneArray, zeros
+from snca_ros.cell.architecture import Architecture
+from snca_ros.cell.coding import SNN_STEPS
+from snca_ros.cell.layers import PAIR, Layer, layers_of, pad, padded
+
+NEURONS = 8
+"""Neurons in the lanes of an item, of the networks of one robot."""
+
+WORD = 64
+"""Neurons whose firing one integer holds: bit i of word w is neuron 64 w + i of a layer."""
+
+
+class Network(NamedTuple):
+    """The neurons of n cells, layer after layer; layers are padded to whole items, or to pairs."""
+
+    model: Any  # constants of the neuron model, whose type selects compiled code
+    sizes: np.ndarray  # (n_layers,) neurons per layer
+    items: np.ndarray  # (n_layers,) items per layer
+    rows: np.ndarray  # (n,) which row of weights and own constants each cell runs
+    weights: LaneArray  # (n_rows, n_synapses); a layer has a row per presynaptic neuron
+    own: tuple[LaneArray, ...]  # (n_rows, n_items) each: constants of each neuron
+    state: tuple[LaneArray, ...]  # (n, n_items) each: variables of each neuron
+    start: tuple[float, ...]  # their values at reset
+    heard: np.ndarray  # (n_words, SNN_STEPS) scratch: neurons of the layer before that fire
+    fired: np.ndarray  # (n_words, SNN_STEPS) scratch: neurons of the layer that runs that fire
+    values: LaneArray  # (1, n_items) scratch: values of one cell's neurons
+
+
+def make_network(
+    architecture: Architecture, parameters: np.ndarray, rows: np.ndarray, lanes_are_robots: bool
+) -> Network:
+    """Return the networks of n cells, at reset.
+
+    Args:
+        architecture: of the cells.
+        parameters: (W, n_rows, parameters_per_cell), W = 1 if lanes are neurons.
+        rows: (n,) which row each cell runs.
+        lanes_are_robots: W robots side by side, or neurons of one robot.
+    """
+    model, sizes = architecture.model, architecture.layer_sizes
+    neurons = 1 if lanes_are_robots else NEURONS
+    multiple = neurons * (PAIR if model.spiking else 1)
+    width = len(parameters) if lanes_are_robots else NEURONS
+    cells = [[_CellArrays(architecture, row, multiple) for row in robot] for robot in parameters]
+
+    def lay_out(arrays: list[list[np.ndarray]]) -> LaneArray:
+        flat = np.array(arrays)  # (W, n_rows, n_items * neurons)
+        n_rows = flat.shape[1]
+        if lanes_are_robots:
+            flat = flat.transpose(1, 2, 0)
+        found = zeros((n_rows, flat.size // (n_rows * width)), width)
+        found['lane'][:] = flat.reshape(*found.shape, width)
+        return found
+
+    items = [padded(size, multiple) // neurons for size in sizes]
+    n_own = len(cells[0][0].own)
+    shape = len(rows), sum(items)
+    words = -(-max(padded(size, multiple) for size in sizes) // WORD)
+    network = Network(
+        model=model,
+        sizes=np.array(sizes, dtype=np.int64),
+        items=np.array(items, dtype=np.int64),
+        rows=rows,
+        weights=lay_out([[cell.weights for cell in robot] for robot in cells]),
+        own=tuple(lay_out([[cell.own[i] for cell in robot] for robot in cells])
+                  for i in range(n_own)),
+        state=tuple(zeros(shape, width) for _ in model.state),
+        start=tuple(model.state.values()),
+        heard=np.zeros((words, SNN_STEPS), dtype=np.int64),
+        fired=np.zeros((words, SNN_STEPS), dtype=np.int64),
+        values=zeros((1, sum(items)), width),
+    )
+    for array, value in zip(network.state, network.start, strict=True):
+        array['lane'] = value
+    return network
+
+
+class _CellArrays:
+    """One cell's weights and the constants of its neurons, padded, a layer after the other."""
+
+    def __init__(self, architecture: Architecture, parameters: np.ndarray, multiple: int) -> None:
+        model, sizes = architecture.model, architecture.layer_sizes
+        n = sizes[0]
+        defaults = np.array([*model.evolved.values()])[:, None]
+        inputs = Layer(np.tile(defaults, (1, n)), np.ones((1, n)))
+        layers = layers_of(sizes, parameters, len(model.evolved))
+        self.weights = np.concatenate([pad(layer.synapses, multiple).ravel() for layer in layers])
+        own = [
+            model.neuron_constants(layer.synapses, layer.evolved)
+            for layer in (inputs, *layers)
+        ]
+        self.own = [
+            np.concatenate([pad(c[None], multiple, 'edge').ravel() for c in of_layers])
+            for of_layers in zip(*own, strict=True)
+        ]
+
+
+def by_neuron(network: Network, array: LaneArray) -> list[np.ndarray]:
+    """Return the (n, size) numbers of the neurons of each layer, of a network of one robot."""
+    found, first = [], 0
+    for size, items in zip(network.sizes, network.items, strict=True):
+        lanes = array['lane'][:, first : first + items]
+        found.append(lanes.reshape(len(lanes), -1)[:, :size])
+        first += items
+    return found

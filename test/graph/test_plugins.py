@@ -1,0 +1,45 @@
+"""Cells from outside the project over ROS: each process imports what SNCA_PLUGINS names."""
+
+import sys
+
+import pytest
+from support.paths import ROOT
+
+from sim_node import registry
+from sim_node.registry import PLUGINS
+from snca_ros.cell.models import NEURON_MODELS
+
+PLUGIN = 'support.plugin_neurons'
+
+
+@pytest.fixture
+def plugin(monkeypatch):
+    """Let this process and its children know the neuron models, for this test."""
+    before = set(NEURON_MODELS)
+    monkeypatch.setenv(PLUGINS, PLUGIN)
+    monkeypatch.delitem(sys.modules, PLUGIN, raising=False)
+    yield
+    for name in set(NEURON_MODELS) - before:
+        del NEURON_MODELS[name]
+    registry._imported.remove(PLUGIN)
+
+
+@pytest.mark.parametrize('model', ['pacemaker', 'integrator'])
+def test_walk_of_cells_from_outside_equals_its_twin(start, make_controller, plugin, model):
+    path = make_controller('11-10', model=model)
+    child = start('walk', path, '--duration', 1, '--bag', 'bag', path=[ROOT / 'test'])
+    output, _ = child.communicate(timeout=120)
+    assert child.returncode == 0, output
+    assert '61 positions of the centre, bit for bit the same' in output
+    assert 'Traceback' not in output
+
+
+def test_without_the_plugin_the_walk_says_which_models_there_are(
+    start, make_controller, plugin, monkeypatch
+):
+    path = make_controller('11-10', model='pacemaker')
+    monkeypatch.delenv(PLUGINS)
+    child = start('walk', path, '--duration', 1)
+    output, _ = child.communicate(timeout=60)
+    assert child.returncode == 2, output
+    assert "neuron_model: got 'pacemaker', expected one of mlp, snn, snn-h" in output
