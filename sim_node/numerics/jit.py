@@ -1,6 +1,7 @@
 """Compiled functions: numba's, with a cache that lasts (`code_cache`)."""
 
 import fcntl
+import os
 from collections.abc import Callable
 from typing import Any
 
@@ -13,8 +14,11 @@ from sim_node.numerics.code_cache import CodeCache, folder
 
 
 def _kept(compiled: Any, function: Callable) -> Any:
-    """Let a compiled function keep its code between processes, where there is a place for it."""
-    if folder() is not None:
+    """Let a compiled function keep its code between processes, where there is a place for it.
+
+    A function that was typed into a notebook has no source file, by which its code is known.
+    """
+    if folder() is not None and os.path.isfile(function.__code__.co_filename):
         compiled._cache = CodeCache(function)
     return compiled
 

@@ -11,6 +11,7 @@ from support.paths import ROOT
 from support.synthetic_bag import Walk, messages_of_walk, write_messages
 
 import snca_ros as snca
+from snca_ros.cell.models import NEURON_MODELS
 
 BUDGET = [  # what the test runs instead of what a person does
     ('evaluations=3000', 'evaluations=8, population=4, duration=1.0, transient=0.5'),
@@ -22,7 +23,7 @@ EXPECTED = re.compile(r'(.+?)\s+# -> (.+)')
 def blocks():
     text = (ROOT / 'docs' / 'python.md').read_text()
     found = re.findall(r'^```python\n(.*?)^```$', text, re.MULTILINE | re.DOTALL)
-    assert text.count('```') == 2 * len(found)
+    assert text.count('```') == 2 * (len(found) + text.count('```sh'))
     for long, short in BUDGET:
         assert any(long in block for block in found), long
         found = [block.replace(long, short) for block in found]
@@ -31,6 +32,7 @@ def blocks():
 
 def test_every_line_of_the_page_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(NEURON_MODELS, '_entries', dict(NEURON_MODELS))
     walked = snca.load('biped-U-nD-snn-h').run(2.0, ('readings', 'actuation', 'spikes'))
     walk = Walk(
         walked.voxel_names, walked.centers, walked.readings[:-1], walked.actuation, walked.spikes

@@ -121,6 +121,16 @@ def test_code_for_one_class_is_found_without_the_module_of_another(tmp_path):
             (tmp_path / 'curves.py').unlink(missing_ok=True)
 
 
+def test_a_function_without_a_source_file_is_compiled(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names: dict = {'__name__': 'notebook'}
+    exec(compile(CURVES, 'cell-1.py', 'exec'), names)
+    x, out = zeros((1, 1), 1), zeros((1, 1), 1)
+    x['lane'][:] = 3.0
+    values(names['Cube'](1.0), x, out)
+    assert out['lane'][0, 0, 0] == 27.0
+
+
 def test_code_for_a_class_of_the_main_program_is_not_kept(tmp_path):
     text = PROGRAM.replace('from curves import Cube', CURVES)
     for name, source in (('program', text), ('kernels', KERNELS)):
