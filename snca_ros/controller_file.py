@@ -19,6 +19,7 @@ from sim_node.model.body_file import FORMAT_VERSION, body_of, check_version, fie
 from sim_node.model.material import Material
 from sim_node.model.morphology import Morphology
 from sim_node.model.solver import Solver
+from sim_node.model.terrain import DEFAULT_TERRAIN
 from snca_ros import __version__
 from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller
@@ -55,7 +56,7 @@ class TrainedController:
     architecture: Architecture
     morphology: Morphology
     theta: np.ndarray
-    terrain: str = 'flat'
+    terrain: str = DEFAULT_TERRAIN
     material: Material = field(default_factory=Material)
     solver: Solver = field(default_factory=Solver)
     fitness: float = float('nan')
