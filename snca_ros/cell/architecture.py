@@ -14,6 +14,8 @@ NEURON_MODELS = ('mlp', 'snn', 'snn-h')
 ARCHITECTURES = ('U-nD', 'U-D', 'nU-D', 'nU-nD')
 """Uniform or not (U, nU) and directional or not (D, nD); the paper studies the first three."""
 
+DEFAULT_ARCHITECTURE, DEFAULT_NEURON_MODEL = 'U-nD', 'snn-h'
+
 _MAX_N_C, _MAX_HIDDEN, _MAX_LAYERS = 64, 1024, 8
 
 
