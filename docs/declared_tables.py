@@ -1,4 +1,4 @@
-"""Parts of the documents that are made from declarations: topics and nodes, faults."""
+"""Parts of the documents that are made from declarations: nodes, topics, faults, options."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import Field
@@ -7,6 +7,9 @@ from sim_node.model.body_faults import FaultsOfBody
 from sim_node.model.constants import declared, shown, values_of
 from sim_node.ros.interface import NodeInterface, Topic
 from sim_node.ros.sim_interface import SIM_NODE
+from snca_ros.command_line import CommandParser
+from snca_ros.commands import COMMANDS, load_command
+from snca_ros.commands.declared_options import DeclaredOption
 from snca_ros.faults import FAULTS_OF_CELLS, Faults
 from snca_ros.nodes import interfaces
 
@@ -58,8 +61,20 @@ def faults_table() -> str:
     return _table(('name', 'node', 'default', 'values', 'meaning'), rows) + '\n'
 
 
+def options_table(command: str) -> str:
+    """Return the table of the options of a command that are declared constants."""
+    parser = CommandParser(command, COMMANDS[command], load_command(command))
+    rows = [
+        (f'`{action.option_strings[0]}`', *_values(action.declared),
+         action.declared.metadata['text'])
+        for action in parser._actions if isinstance(action, DeclaredOption)
+        and action.dest != 'workers'  # its default depends on the machine
+    ]
+    return _table(('option', 'default', 'unit', 'values', 'meaning'), rows) + '\n'
+
+
 TABLES: dict[str, Callable[[], str]] = {
-    'faults': faults_table, 'topics': topics_table,
+    'faults': faults_table, 'topics': topics_table, 'evolve': lambda: options_table('evolve'),
     **{node.name: lambda n=node: node_section(n) for node in NODES},
 }
 """By the name in a document's marker, `<!-- table NAME -->`."""

@@ -18,7 +18,7 @@ COMMAND = '# Title\n\n<!-- $ snca {} -->\nold\n<!-- end -->\n\nThe rest.\n'
 def test_sections_are_up_to_date(monkeypatch):
     monkeypatch.chdir(DOCS.parent)
     documents = [path for path in DOCS.glob('*.md') if SECTION.search(path.read_text())]
-    assert {'graph.md', 'robustness.md'} < {path.name for path in documents}
+    assert {'graph.md', 'robustness.md', 'training.md'} < {path.name for path in documents}
     for path in documents:
         assert path.read_text() == refreshed(path.read_text()), f'make docs: {path.name} is old'
 
@@ -65,6 +65,7 @@ def test_graph_has_a_section_for_each_node_and_every_parameter_topic_and_service
     ('view', '`markers`', '`marks`'),
     ('topics', 'mono8', 'mono9'),
     ('faults', '0 to 1000', '0 to 100'),
+    ('evolve', '| `--population` | 36 |', '| `--population` | 37 |'),
 ])
 def test_an_old_table_is_noticed(table, old, new):
     text = refreshed(f'<!-- table {table} -->\n<!-- end -->\n')

@@ -7,8 +7,12 @@ from typing import Any
 from sim_node.model.constants import declaration, help_of, value_of
 
 
-class _Check(argparse.Action):
-    """Stores the value of an option, checked as the field `declared` says."""
+class DeclaredOption(argparse.Action):
+    """Stores the value of an option, checked as the field `declared` says.
+
+    Attributes:
+        declared: the field.
+    """
 
     def __init__(self, declared: Any, **options: Any) -> None:
         super().__init__(**options)
@@ -18,6 +22,7 @@ class _Check(argparse.Action):
         self, parser: argparse.ArgumentParser, namespace: argparse.Namespace,
         values: str | Sequence[Any] | None, option_string: str | None = None,
     ) -> None:
+        """Check and store a value; InvalidInput names the option, the value and the range."""
         if isinstance(values, str):  # else what stands for an option without a value
             values = value_of(self.option_strings[0], values, self.declared)
         setattr(namespace, self.dest, values)
@@ -41,4 +46,5 @@ def add_option(
     """
     f = declaration(kind, name)
     options = {'default': f.default, 'help': help_of(kind, name), **options}
-    parser.add_argument(flag or f'--{name.replace("_", "-")}', action=_Check, declared=f, **options)
+    option = flag or f'--{name.replace("_", "-")}'
+    parser.add_argument(option, action=DeclaredOption, declared=f, **options)

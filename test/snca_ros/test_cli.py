@@ -14,6 +14,7 @@ from sim_node.model.constants import shown, values_of
 from snca_ros import cli
 from snca_ros.bundled import bundled_controllers
 from snca_ros.command_line import CommandParser
+from snca_ros.commands.declared_options import DeclaredOption
 
 ROOT = Path(snca_ros.__file__).parents[1]
 
@@ -115,7 +116,7 @@ REQUIRED = {
 
 def declared_options(name):
     """Return the options of a command that are declared constants."""
-    return [action for action in parser_of(name)._actions if hasattr(action, 'declared')]
+    return [action for action in parser_of(name)._actions if isinstance(action, DeclaredOption)]
 
 
 def test_numbers_of_commands_are_declared():
