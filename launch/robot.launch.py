@@ -18,31 +18,30 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
-from sim_node.errors import InvalidInput
+from sim_node.model.constants import declaration, describe, value_of
 from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
 from snca_ros.controller_file import load_controller
-from snca_ros.faults import parse_faults
+from snca_ros.faults import FAULTS_HELP, parse_faults
 from snca_ros.graph.description import WalkOptions, describe_graph
+
+
+def _declared(name, more=''):
+    """Return default and text of an argument that `WalkOptions` declares."""
+    f = declaration(WalkOptions, name)
+    return str(f.default), describe(f) + more
+
 
 ARGUMENTS = {
     'controller': (DEFAULT_CONTROLLER, 'controller file, or the name of a bundled one'),
     'robot': ('', 'namespace; default: the shape'),
     'terrain': ('', 'default: the terrain of the controller file'),
-    'duration': ('30.0', 'simulated seconds; 0: until stopped'),
-    'real_time_factor': ('0.0', 'simulated time over wall time; 0: lock-step'),
-    'voxels_per_process': ('1', 'voxel nodes per process'),
+    'duration': _declared('duration', '; 0: until stopped'),
+    'real_time_factor': _declared('real_time_factor'),
+    'voxels_per_process': _declared('voxels_per_process'),
     'bag': ('', 'bag to write; empty: none'),
-    'storage': ('mcap', 'mcap | sqlite3'),
-    'faults': ('', 'what goes wrong, such as loss=0.3,death=0.5@10, or a YAML file'),
+    'storage': _declared('storage'),
+    'faults': ('', FAULTS_HELP),
 }
-
-
-def _number(name, text, kind):
-    """Return a launch argument as a number; InvalidInput if it is none."""
-    try:
-        return kind(text)
-    except ValueError:
-        raise InvalidInput(name, text, f'a number ({kind.__name__})') from None
 
 
 def _nodes(context):
@@ -52,12 +51,12 @@ def _nodes(context):
     options = WalkOptions(
         robot=value['robot'],
         terrain=value['terrain'],
-        duration=_number('duration', value['duration'], float),
-        real_time_factor=_number('real_time_factor', value['real_time_factor'], float),
-        voxels_per_process=_number('voxels_per_process', value['voxels_per_process'], int),
         bag=value['bag'],
-        storage=value['storage'],
         faults=parse_faults(value['faults']),
+        **{
+            name: value_of(name, value[name], declaration(WalkOptions, name))
+            for name in ('duration', 'real_time_factor', 'voxels_per_process', 'storage')
+        },
     )
     graph = describe_graph(path, load_controller(path), options)
     params = Path(tempfile.mkdtemp(prefix='snca_ros_')) / 'params.yaml'

@@ -9,12 +9,18 @@ import numpy as np
 from sim_node.control_time import CONTROL_RATE
 from sim_node.engine import DEFAULT_ENGINE, RobotArrays, check_engine
 from sim_node.errors import InvalidInput
-from sim_node.model.body_faults import BodyFaults, Disturbance, break_values, disturb_readings
+from sim_node.model.body_faults import (
+    BodyFaults,
+    Disturbance,
+    FaultsOfBody,
+    break_values,
+    disturb_readings,
+)
 from sim_node.model.material import Material
 from sim_node.model.morphology import Morphology, parse_morphology
 from sim_node.model.sensors import center_of_mass
 from sim_node.model.solver import Solver
-from sim_node.model.terrain import Terrain, parse_terrain
+from sim_node.model.terrain import DEFAULT_TERRAIN, Terrain, parse_terrain
 
 
 class Diverged(ArithmeticError):
@@ -29,9 +35,8 @@ class Simulation:
         terrain: terrain name or `Terrain`.
         material: physical constants.
         solver: sub-steps, iterations and self-collision.
-        sensor_noise: standard deviation of N(0, sigma) added to readings.
-        broken_sensors, broken_actuators: which voxels', when and how; see docs/robustness.md.
-        seed: of all noise and faults; every `reset` starts them anew.
+        sensor_noise, broken_sensors, broken_actuators, seed: what goes wrong, as in
+            `FaultsOfBody`, see docs/robustness.md; every `reset` starts it anew.
         engine: name of a physics engine, one of `sim_node.engine.ENGINES`.
         push: 0, or the seed of a pushed start: every mass begins up to `sim_node.model.body.PUSH`
             away from its place in x and in y. The closed loop is chaotic, so each push is another
@@ -48,14 +53,14 @@ class Simulation:
     def __init__(
         self,
         morphology: str | Morphology,
-        terrain: str | Terrain = 'flat',
+        terrain: str | Terrain = DEFAULT_TERRAIN,
         *,
         material: Material | None = None,
         solver: Solver | None = None,
-        sensor_noise: float = 0.0,
-        broken_sensors: str = '',
-        broken_actuators: str = '',
-        seed: int = 0,
+        sensor_noise: float = FaultsOfBody.sensor_noise,
+        broken_sensors: str = FaultsOfBody.broken_sensors,
+        broken_actuators: str = FaultsOfBody.broken_actuators,
+        seed: int = FaultsOfBody.seed,
         engine: str = DEFAULT_ENGINE,
         push: int = 0,
     ) -> None:
@@ -70,7 +75,11 @@ class Simulation:
         self.solver = solver or Solver()
         self.push = push
         engine_class = check_engine(engine, self.solver)
-        self._faults = BodyFaults(morphology, sensor_noise, broken_sensors, broken_actuators, seed)
+        faults = FaultsOfBody(
+            broken_sensors=broken_sensors, broken_actuators=broken_actuators,
+            sensor_noise=sensor_noise, seed=seed,
+        )
+        self._faults = BodyFaults(morphology, faults)
         self.backend = engine_class(morphology, terrain, self.material, self.solver, push)
         self.step_count = 0
         self.reset()

@@ -20,6 +20,7 @@ from sim_node.model.material import Material
 from sim_node.model.morphology import Morphology
 from sim_node.model.sensors import SENSORS
 from sim_node.model.solver import Solver
+from sim_node.model.terrain import DEFAULT_TERRAIN
 from snca_ros import __version__
 from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller
@@ -56,7 +57,7 @@ class TrainedController:
     architecture: Architecture
     morphology: Morphology
     theta: np.ndarray
-    terrain: str = 'flat'
+    terrain: str = DEFAULT_TERRAIN
     material: Material = field(default_factory=Material)
     solver: Solver = field(default_factory=Solver)
     fitness: float = float('nan')

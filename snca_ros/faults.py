@@ -11,73 +11,43 @@ from typing import Any
 import numpy as np
 
 from sim_node.errors import InvalidInput, check_keys
-from sim_node.model.body_faults import (
-    FAULTS_OF_BODY,
-    MAX_NOISE,
-    MAX_SEED,
-    OUTAGE,
-    FaultParameter,
-    parse_breakage,
-    parse_outage,
-    uniform,
-)
+from sim_node.model.body_faults import OUTAGE, FaultsOfBody, parse_outage, uniform
+from sim_node.model.constants import Checked, constant, declared, text_value
 from sim_node.model.morphology import DIRECTIONS, Morphology
 from snca_ros.files import read_yaml
 
-MAX_DELAY = 1000
-
-FAULTS_OF_CELLS = {
-    'loss': FaultParameter(
-        0.0, 'probability that a message is lost, per link and control step', 0.0, 1.0
-    ),
-    'delay': FaultParameter(0, 'control steps that every message takes longer', 0, MAX_DELAY),
-    'death': FaultParameter('', f'voxels that are limp and silent for a time: {OUTAGE}'),
-    'seed': FAULTS_OF_BODY['seed'],
-}
-"""By name."""
-
-
-def _check(name: str, value: Any, kinds: type | tuple, high: float) -> None:
-    is_kind = isinstance(value, kinds) and not isinstance(value, bool)
-    if not is_kind or not 0 <= value <= high:
-        kind = 'an integer' if kinds is int else 'a number'
-        raise InvalidInput(name, value, f'{kind} from 0 to {high:g}')
-
 
 @dataclass(frozen=True)
-class Faults:
-    """What goes wrong in a robot; by default nothing.
-
-    Voxels and times are given as `sim_node.model.body_faults.parse_outage` reads them, `0.5@10-20`.
-
-    Attributes:
-        loss: probability that a message is lost, per link and control step.
-        delay: control steps that every message takes longer than the one it always takes.
-        death: voxels that are limp and silent for a time, and then start afresh.
-        broken_sensors, broken_actuators: `zero`, `frozen` or `random`, a colon, and voxels.
-        sensor_noise: standard deviation of N(0, sigma) added to readings.
-        seed: of all that is random.
+class FaultsOfCells(Checked):
+    """What goes wrong in the links between cells and in the cells; by default nothing.
 
     Raises:
         InvalidInput: a value is off.
     """
 
-    loss: float = 0.0
-    delay: int = 0
-    death: str = ''
-    broken_sensors: str = ''
-    broken_actuators: str = ''
-    sensor_noise: float = 0.0
-    seed: int = 0
+    loss: float = constant(
+        0.0, 0.0, 1.0,
+        'probability that a message is lost, per link and control step; a lost message is silence',
+    )
+    delay: int = constant(
+        0, 0, 1000, 'control steps that every message takes, beyond the one that it always takes'
+    )
+    death: str = text_value(
+        '', 'voxels that are limp (actuation 0) and silent for a time, and then start afresh',
+        OUTAGE, parse_outage,
+    )
 
-    def __post_init__(self) -> None:
-        _check('loss', self.loss, (int, float), 1.0)
-        _check('delay', self.delay, int, MAX_DELAY)
-        _check('sensor_noise', self.sensor_noise, (int, float), MAX_NOISE)
-        _check('seed', self.seed, int, MAX_SEED)
-        parse_outage('death', self.death)
-        parse_breakage('broken_sensors', self.broken_sensors)
-        parse_breakage('broken_actuators', self.broken_actuators)
+
+@dataclass(frozen=True)
+class Faults(FaultsOfBody, FaultsOfCells):
+    """What goes wrong in a robot; by default nothing.
+
+    Its fields are those of the body and of the cells: `loss`, `delay`, `death`, `broken_sensors`,
+    `broken_actuators`, `sensor_noise` and `seed`.
+
+    Raises:
+        InvalidInput: a value is off.
+    """
 
     @classmethod
     def from_dict(cls, values: object) -> 'Faults':
@@ -90,7 +60,7 @@ class Faults:
     @property
     def of_body(self) -> dict[str, Any]:
         """Return what `Simulation` takes, and the simulation node as parameters."""
-        return {name: getattr(self, name) for name in FAULTS_OF_BODY}
+        return {f.name: getattr(self, f.name) for f in declared(FaultsOfBody)}
 
     @property
     def of_cells(self) -> dict[str, Any]:
@@ -104,6 +74,15 @@ class Faults:
 
 
 NO_FAULTS = Faults()
+
+FAULTS_OF_CELLS = (*(f.name for f in declared(FaultsOfCells)), 'seed')
+"""The faults that a voxel node takes as parameters; their random numbers have the same seed."""
+
+FAULTS_HELP = (
+    f'what goes wrong: name=value,... of {", ".join(f.name for f in declared(Faults))}, such as '
+    'loss=0.3,death=0.5@10, or a YAML file; see docs/robustness.md'
+)
+"""How `parse_faults` reads a text, for the help of commands."""
 
 
 def parse_faults(text: str) -> Faults:
@@ -137,7 +116,7 @@ def _pairs(text: str) -> dict[str, str]:
 
 def _typed(name: str, value: object) -> Any:
     """Return a value as its field has it: a number from a text, or the text of a number."""
-    kind = type(getattr(Faults(), name))
+    kind = type(getattr(NO_FAULTS, name))
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
     if kind is str and is_number:
         return f'{value:g}'

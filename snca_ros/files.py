@@ -19,6 +19,12 @@ LOCK = '.lock'
 RESERVE = 16_000_000
 """Bytes that must stay free where a bag grows: more than it grows by in a second, and its end."""
 
+RUNS, RESULTS = Path('runs'), Path('results')
+"""Folders of runs and of the results of campaigns, unless others are given."""
+
+FIGURE, PAGE = 'report.png', 'replay.html'
+"""Files that are written into the folder of a bag or run, unless others are given."""
+
 
 def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
     """Create or replace `path` with what `write` puts into a binary file.

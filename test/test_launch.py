@@ -185,10 +185,10 @@ def test_somebody_else_may_have_cleaned_up(launch):
 
 @pytest.mark.parametrize(('name', 'value', 'complaint'), [
     ('controller', 'bipet', "controller: got 'bipet', .* one of biped-U-D-mlp"),
-    ('duration', 'long', r"duration: got 'long', expected a number \(float\)"),
-    ('real_time_factor', '', r"real_time_factor: got '', expected a number \(float\)"),
-    ('voxels_per_process', '1.5', r"voxels_per_process: got '1.5', expected a number \(int\)"),
-    ('voxels_per_process', '0', 'voxels_per_process: got 0, expected a number from 1 to 1000'),
+    ('duration', 'long', r"duration: got 'long', expected a number from 0 to 100000 \[s\]"),
+    ('real_time_factor', '', "real_time_factor: got '', expected a number from 0 to 100"),
+    ('voxels_per_process', '1.5', "voxels_per_process: got '1.5', expected an integer from 1"),
+    ('voxels_per_process', '0', 'voxels_per_process: got 0, expected an integer from 1 to 1000'),
     ('robot', 'a b', "robot: got 'a b', expected letters"),
     ('faults', 'los=0.3', "faults: got 'los', .*did you mean 'loss'"),
     ('faults', 'loss=2', 'loss: got 2.0, expected a number from 0 to 1'),

@@ -14,6 +14,7 @@ import numpy as np
 
 from sim_node.control_time import CONTROL_RATE
 from sim_node.errors import InvalidInput, near_miss
+from sim_node.model.constants import Checked, constant, text_value
 from sim_node.model.morphology import Morphology
 from sim_node.model.sensors import N_SENSORS, add_noise
 from sim_node.numerics.jit import compiled
@@ -21,33 +22,12 @@ from sim_node.numerics.jit import compiled
 BREAKAGES = ('zero', 'frozen', 'random')
 """What a broken sensor or actuator gives (2D-VSR-Sim's): 0, its last value, or any."""
 
-MAX_NOISE, MAX_SEED = 10.0, 2**31 - 1
-
 OUTAGE = (
     'VOXELS[@BEGIN[-END]], times in s, voxels as a share from 0 to 1 or as names joined by +, '
     'such as 0.5@10 or voxel_0_0+voxel_1_0@5-8'
 )
 BREAKAGE = f'{"|".join(BREAKAGES)}:{OUTAGE}'
 """How `parse_outage` and `parse_breakage` are written."""
-
-class FaultParameter(NamedTuple):
-    """A fault as a ROS parameter: default, meaning, and the range of a number."""
-
-    default: float | str
-    text: str
-    low: float | None = None
-    high: float | None = None
-
-
-FAULTS_OF_BODY = {
-    'sensor_noise': FaultParameter(
-        0.0, 'standard deviation of noise on readings', 0.0, MAX_NOISE
-    ),
-    'broken_sensors': FaultParameter('', f'sensors that break: {BREAKAGE}'),
-    'broken_actuators': FaultParameter('', f'actuators that break: {BREAKAGE}'),
-    'seed': FaultParameter(0, 'of all noise and faults', 0, MAX_SEED),
-}
-"""By name."""
 
 STREAMS = ('broken_sensors', 'broken_actuators', 'death', 'loss')
 """Faults that each have random numbers of their own."""
@@ -154,6 +134,28 @@ def parse_breakage(field: str, text: str) -> Breakage | None:
     return Breakage(kind, outage)
 
 
+@dataclass(frozen=True)
+class FaultsOfBody(Checked):
+    """What goes wrong in a robot's body; by default nothing.
+
+    Raises:
+        InvalidInput: a value is off.
+    """
+
+    broken_sensors: str = text_value(
+        '', 'voxels whose readings are 0 (zero), stay as they were (frozen), or are any in [0, 1) '
+        '(random)', BREAKAGE, parse_breakage,
+    )
+    broken_actuators: str = text_value(
+        '', 'voxels whose actuation is 0 (zero), stays as it was (frozen), or is any in [-1, 1) '
+        '(random)', BREAKAGE, parse_breakage,
+    )
+    sensor_noise: float = constant(
+        0.0, 0.0, 10.0, 'standard deviation of the normal noise that is added to readings'
+    )
+    seed: int = constant(0, 0, 2**31 - 1, 'seed of all noise and faults')
+
+
 class _BrokenParts:
     """The sensors or the actuators of a robot that break, with values from `low` to 1."""
 
@@ -211,36 +213,23 @@ def disturb_readings(readings, before, disturbance, row):
 
 
 class BodyFaults:
-    """Sensor noise, broken sensors and broken actuators of one robot.
+    """Sensor noise, broken sensors and broken actuators of one robot, drawn step by step.
 
     Args:
         morphology: of the robot.
-        sensor_noise: standard deviation of N(0, sigma) added to readings.
-        broken_sensors, broken_actuators: as `parse_breakage` reads them.
-        seed: of all that is random.
+        faults: what goes wrong.
 
     Raises:
-        InvalidInput: a value is off.
+        InvalidInput: a voxel that shall break does not exist.
     """
 
-    def __init__(
-        self,
-        morphology: Morphology,
-        sensor_noise: float,
-        broken_sensors: str,
-        broken_actuators: str,
-        seed: int,
-    ) -> None:
-        is_number = isinstance(sensor_noise, (int, float)) and not isinstance(sensor_noise, bool)
-        if not is_number or not 0.0 <= sensor_noise <= MAX_NOISE:
-            raise InvalidInput('sensor_noise', sensor_noise, f'a number from 0 to {MAX_NOISE:g}')
-        if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-            raise InvalidInput('seed', seed, 'an integer from 0')
+    def __init__(self, morphology: Morphology, faults: FaultsOfBody) -> None:
+        sensor_noise, seed = faults.sensor_noise, faults.seed
         self._noise_shape = (morphology.n_voxels if sensor_noise > 0.0 else 0, N_SENSORS)
         self._sensor_noise, self._seed = float(sensor_noise), seed
-        self._sensors = _BrokenParts('broken_sensors', broken_sensors, morphology, seed, 0.0)
+        self._sensors = _BrokenParts('broken_sensors', faults.broken_sensors, morphology, seed, 0.0)
         self._actuators = _BrokenParts(
-            'broken_actuators', broken_actuators, morphology, seed, -1.0
+            'broken_actuators', faults.broken_actuators, morphology, seed, -1.0
         )
         self.reset()
 

@@ -33,6 +33,7 @@ _GENERATORS: dict[str, Callable[[int, int, int, int], bool]] = {
 }
 _DEFAULT_SIZE = {'biped': '4x3', 'comb': '7x2', 'worm': '5x1', 'tripod': '5x3'}
 SHAPES = tuple(_GENERATORS)
+DEFAULT_SHAPE = 'biped'
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,10 @@ class Morphology:
 
     name: str
     cells: tuple[tuple[int, int], ...]
+
+    def __repr__(self) -> str:
+        n = f'{self.n_voxels} voxel{"" if self.n_voxels == 1 else "s"}'
+        return f'Morphology({self.name!r}, {n}, {self.grid_string!r})'
 
     @property
     def n_voxels(self) -> int:

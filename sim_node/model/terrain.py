@@ -39,6 +39,9 @@ class Terrain:
     x: np.ndarray
     y: np.ndarray
 
+    def __repr__(self) -> str:
+        return f'Terrain({self.name!r})'
+
     @property
     def start(self) -> float:
         """Return the x [m] where the left wall ends and robots are put down."""
@@ -78,7 +81,7 @@ def parse_terrain(name: str) -> Terrain:
         raise InvalidInput('terrain', name, 'a text such as flat or hilly-1-10-0')
     kind = name.partition('-')[0]
     if kind not in _KINDS:
-        expected = f'one of {", ".join(f for f, *_ in _KINDS.values())}'
+        expected = f'one of {TERRAIN_FORM}'
         raise InvalidInput('terrain', name, expected + near_miss(kind, tuple(_KINDS)))
     form, pattern, make = _KINDS[kind]
     match = re.fullmatch(pattern, name, re.ASCII)
@@ -135,6 +138,11 @@ _KINDS: dict[str, tuple[str, str, Callable]] = {
     'uphill': ('uphill-<degrees>', rf'uphill-{_NUMBER}', _slope),
     'downhill': ('downhill-<degrees>', rf'downhill-{_NUMBER}', _slope),
 }
+
+DEFAULT_TERRAIN = 'flat'
+
+TERRAIN_FORM = ', '.join(form for form, *_ in _KINDS.values())
+"""How the names of terrains are written, for help and documents."""
 
 _IRREGULAR = (
     *(f'hilly-{size}' for size in ('0.5-10', '0.5-20', '1-10', '1-20', '2-20', '2-30')),

@@ -25,6 +25,7 @@ from sim_node.ros.delivery import link_figures
 from sim_node.ros.node_base import RosNode, run_nodes
 from sim_node.ros.parameters import options_of, simulation_of
 from sim_node.ros.publishers import Broadcast
+from sim_node.ros.sim_interface import ACTUATION, PAUSE, RESET, SIM_NODE, STEP
 from sim_node.simulation import Diverged
 
 _SLOW = 0.5  # seconds after which a voxel that is waited for is named
@@ -36,7 +37,7 @@ class SimNode(RosNode):
     """One robot's body in its world, as a ROS node."""
 
     def __init__(self) -> None:
-        super().__init__('sim_node')
+        super().__init__(SIM_NODE.name)
         self.simulation = simulation_of(self)
         self._options = options_of(self)
         self.check_unknown_parameters()
@@ -65,14 +66,14 @@ class SimNode(RosNode):
         self._actuation_wires = [topics.actuation_format(voxel) for voxel in self._voxels]
         for i, voxel in enumerate(self._voxels):
             self.create_subscription(
-                JointState, f'{voxel}/{topics.ACTUATION_TOPIC}',
+                JointState, ACTUATION.of(voxel),
                 partial(self._on_actuation, i), topics.stream_qos(topics.QUEUE), raw=True,
             )
 
     def _make_services(self) -> None:
-        self.create_service(Trigger, 'reset', self._serve_reset)
-        self.create_service(SetBool, 'pause', self._serve_pause)
-        self.create_service(Trigger, 'step', self._serve_step)
+        self.create_service(Trigger, RESET.name, self._serve_reset)
+        self.create_service(SetBool, PAUSE.name, self._serve_pause)
+        self.create_service(Trigger, STEP.name, self._serve_step)
 
     def _begin_if_recorded(self) -> None:
         """Begin as soon as every recorder listens to all that will be said."""
@@ -120,7 +121,7 @@ class SimNode(RosNode):
             if mine and sent > step:
                 raise InvalidInput('stamp', f'step {sent}', f'at most step {step}')
         except InvalidInput as error:
-            self.refuse(f'{voxel}/{topics.ACTUATION_TOPIC}', error)
+            self.refuse(ACTUATION.of(voxel), error)
             return
         if not mine:
             self.count('actuation of another episode')
@@ -245,7 +246,7 @@ class SimNode(RosNode):
         """Return step times and what came over the links, for /diagnostics."""
         missed = {'missed deadlines': self._pace.missed} if self._real_time else {}
         links = {
-            f'{voxel}/{topics.ACTUATION_TOPIC}': link
+            ACTUATION.of(voxel): link
             for voxel, link in zip(self._voxels, self._answers.links, strict=True)
         }
         return {**self._times.summary(), **missed, **link_figures(links)}

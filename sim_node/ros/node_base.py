@@ -29,6 +29,7 @@ from rclpy.timer import Timer
 
 from sim_node.errors import InvalidInput, near_miss
 from sim_node.ros import security
+from sim_node.ros.interface import DIAGNOSTICS, DIAGNOSTICS_PERIOD
 
 BAD_INPUT = 2
 
@@ -51,8 +52,8 @@ class RosNode(Node):
         self._taken_by_node: list[Subscription] = []
         super().__init__(name, **options)
         self.ended = Future()
-        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self.create_timer(1.0, self.publish_diagnostics)
+        self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS.name, 10)
+        self.create_timer(DIAGNOSTICS_PERIOD, self.publish_diagnostics)
         self.counters: dict[str, int] = {}
         self._reported = time.monotonic(), 0  # when, and steps made until then
 

@@ -12,9 +12,15 @@ from visualization_msgs.msg import MarkerArray
 
 from sim_node.control_time import CONTROL_RATE, stamp_of_step
 from sim_node.ros import topics
+from sim_node.ros.sim_interface import (
+    ACTUATION,
+    CLOCK,
+    MARKER_PERIOD,
+    MARKERS,
+    ODOMETRY,
+    SENSORS,
+)
 from sim_node.simulation import Simulation
-
-_MARKER_PERIOD = 2  # control steps: 30 Hz of simulated time
 
 
 class Broadcast:
@@ -23,16 +29,16 @@ class Broadcast:
     def __init__(self, node: Node, simulation: Simulation) -> None:
         self._node, self._simulation = node, simulation
         qos = topics.stream_qos()
-        self._clock = node.create_publisher(Clock, '/clock', qos)
+        self._clock = node.create_publisher(Clock, CLOCK.name, qos)
         self._clock_wire = topics.clock_format()
-        self._odometry = node.create_publisher(Odometry, 'odometry', qos)
+        self._odometry = node.create_publisher(Odometry, ODOMETRY.name, qos)
         self._odometry_wire = topics.odometry_format(simulation.morphology.name)
-        self._markers = node.create_publisher(MarkerArray, 'markers', qos)
+        self._markers = node.create_publisher(MarkerArray, MARKERS.name, qos)
         voxels = simulation.morphology.voxel_names
         self._robot = topics.RobotMarkers(len(voxels))
         self._ground = topics.ground_markers(simulation.terrain.x, simulation.terrain.y)
         self._sensors = [
-            (node.create_publisher(JointState, f'{voxel}/{topics.SENSORS_TOPIC}', qos),
+            (node.create_publisher(JointState, SENSORS.of(voxel), qos),
              topics.sensors_format(voxel))
             for voxel in voxels
         ]
@@ -47,8 +53,8 @@ class Broadcast:
         """Return the topics that so many recorders do not listen to yet."""
         names = [self._odometry.topic_name]
         for voxel in self._simulation.morphology.voxel_names:
-            for topic in (topics.ACTUATION_TOPIC, topics.SENSORS_TOPIC):
-                names.append(self._node.resolve_topic_name(f'{voxel}/{topic}'))
+            for topic in (ACTUATION, SENSORS):
+                names.append(self._node.resolve_topic_name(topic.of(voxel)))
         # Every voxel topic has a listener besides: the voxel, or the simulation.
         needed = [recorders] + [recorders + 1] * (len(names) - 1)
         return [
@@ -69,7 +75,7 @@ class Broadcast:
                 velocity=topics.upright(simulation.velocity),
             )
         )
-        if step % _MARKER_PERIOD == 0:
+        if step % MARKER_PERIOD == 0:
             world = simulation.world
             self._markers.publish(self._robot.encode(world.corners, world.area_ratios))
         if step % CONTROL_RATE == 0:  # again and again, for viewers that come late

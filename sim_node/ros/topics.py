@@ -1,4 +1,4 @@
-"""(ROS) The body's topics: their names, stamps and QoS, and readings and actuation as messages."""
+"""(ROS) The body's topics: their stamps and QoS, and readings and actuation as messages."""
 
 import numpy as np
 from geometry_msgs.msg import Point
@@ -18,9 +18,6 @@ from sim_node.model.sensors import SENSORS
 from sim_node.ros.cdr import WireFormat
 
 WORLD_FRAME = 'world'
-
-SENSORS_TOPIC, ACTUATION_TOPIC = 'sensors', 'actuation'
-"""Topics below `<voxel>/`."""
 
 QUEUE = 256
 """Depth of the queues that voxels and simulation read from.

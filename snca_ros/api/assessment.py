@@ -8,11 +8,11 @@ import numpy as np
 
 from sim_node.engine import DEFAULT_ENGINE, check_engine
 from sim_node.errors import InvalidInput, check_name
-from sim_node.model.terrain import UNSEEN_TERRAINS, parse_terrain
+from sim_node.model.terrain import DEFAULT_TERRAIN, UNSEEN_TERRAINS, parse_terrain
 from snca_ros.api.processes import worker_processes
 from snca_ros.api.robot import Robot, as_faults, load
 from snca_ros.assessment.fault_sweep import parse_sweep
-from snca_ros.assessment.trials import FAULTY_STARTS, all_trials, check_trials, run_trials
+from snca_ros.assessment.trials import FAULTY_STARTS, AssessmentOptions, all_trials, run_trials
 from snca_ros.evolution.episode import EPISODE
 from snca_ros.faults import NO_FAULTS, Faults
 
@@ -97,11 +97,11 @@ def assess(
     loaded = [one if isinstance(one, Robot) else load(one) for one in several]
     wrong = _all_faults(faults)
     if terrains is None:
-        terrains = UNSEEN_TERRAINS if faults is None else 'flat'
+        terrains = UNSEEN_TERRAINS if faults is None else DEFAULT_TERRAIN
     grounds = (terrains,) if isinstance(terrains, str) else tuple(terrains)
     if starts is None:
         starts = 0 if faults is None else FAULTY_STARTS
-    check_trials(starts, duration)
+    AssessmentOptions(starts, duration, engine)
     for ground in grounds:
         parse_terrain(ground)
     for robot in loaded:

@@ -12,6 +12,7 @@ from snca_ros.api.robot import Robot
 from snca_ros.evolution import evolve as offline
 from snca_ros.evolution.checkpoint import HISTORY, Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
+from snca_ros.files import RUNS
 
 _COUNTS = 'generation', 'evaluations'
 
@@ -117,7 +118,7 @@ def _open(run: str | Path | None, resume: bool, given: dict) -> RunFolder:
     """Return the run folder that a call of `evolve` asks for."""
     config = RunConfig.named(**given)
     config.new_strategy()  # refuses one that is not installed before there is a folder
-    path = Path('runs') / config.name if run is None else Path(run)
+    path = RUNS / config.name if run is None else Path(run)
     if not (path / 'config.yaml').exists():
         return RunFolder.create(path, config)
     if not resume:

@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from sim_node.control_time import CONTROL_RATE
-from sim_node.engine import DEFAULT_ENGINE
+from sim_node.engine import DEFAULT_ENGINE, ENGINES
 from sim_node.errors import InvalidInput
+from sim_node.model.constants import check_declared, choice, constant
+from sim_node.model.terrain import MOST_TERRAIN_SEEDS
 from sim_node.numerics.jit import warm_up
 from sim_node.simulation import Simulation
 from snca_ros.controller_file import TrainedController
@@ -88,13 +90,27 @@ def all_trials(
     ]
 
 
-def check_trials(starts: int, duration: float) -> None:
-    """Raise InvalidInput if pushed starts or the seconds of an episode are out of range."""
-    if isinstance(starts, bool) or not isinstance(starts, int) or not 0 <= starts <= 10_000:
-        raise InvalidInput('starts', starts, 'an integer from 0 to 10000')
-    if not isinstance(duration, (int, float)) or not TRANSIENT < duration <= LONGEST:
-        expected = f'a time above {TRANSIENT:g} s, up to {LONGEST:g} s'
-        raise InvalidInput('duration', duration, expected)
+@dataclass(frozen=True)
+class AssessmentOptions:
+    """How controllers are assessed.
+
+    Raises:
+        InvalidInput: a value is off, or an episode ends before anything is scored.
+    """
+
+    starts: int = constant(0, 0, 10_000, 'pushed starts beside the exact one')
+    duration: float = constant(EPISODE, TRANSIENT, LONGEST, 'duration of an episode', 's')
+    engine: str = choice(DEFAULT_ENGINE, ENGINES, 'physics engine')
+    terrain_seeds: int = constant(
+        1, 1, MOST_TERRAIN_SEEDS, 'seeds of each irregular unseen terrain: mean of each kind, and '
+        'of all kinds'
+    )
+
+    def __post_init__(self) -> None:
+        check_declared(self)
+        if self.duration <= TRANSIENT:
+            expected = f'a time above {TRANSIENT:g} s, which is not scored'
+            raise InvalidInput('duration', self.duration, expected)
 
 
 def means_of_kinds(kinds: dict[str, tuple[str, ...]], v_x: np.ndarray) -> np.ndarray:

@@ -12,6 +12,8 @@ from snca_ros.cell.models import NEURON_MODELS, NeuronModel, printed_variant
 ARCHITECTURES = ('U-nD', 'U-D', 'nU-D', 'nU-nD')
 """Uniform or not (U, nU) and directional or not (D, nD); the paper studies the first three."""
 
+DEFAULT_ARCHITECTURE = 'U-nD'
+
 _MAX_N_C, _MAX_HIDDEN, _MAX_LAYERS = 64, 1024, 8
 
 

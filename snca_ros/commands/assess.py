@@ -8,26 +8,32 @@ from pathlib import Path
 
 import numpy as np
 
-from sim_node.engine import ENGINES, check_engine
+from sim_node.engine import check_engine
 from sim_node.errors import InvalidInput
-from sim_node.model.terrain import UNSEEN_TERRAINS, parse_terrain, unseen_terrains
+from sim_node.model.constants import help_of
+from sim_node.model.terrain import (
+    DEFAULT_TERRAIN,
+    UNSEEN_TERRAINS,
+    parse_terrain,
+    unseen_terrains,
+)
 from snca_ros.assessment import fault_sweep
 from snca_ros.assessment.fault_sweep import parse_sweep, sweep_trials
 from snca_ros.assessment.trials import (
     COLUMNS,
     FAULTY_STARTS,
     MEAN,
+    AssessmentOptions,
     Trial,
-    check_trials,
     means_of_kinds,
     run_trials,
     table,
     write_csv,
 )
 from snca_ros.bundled import find_controller
+from snca_ros.commands.declared_options import add_option
 from snca_ros.commands.worker_options import add_worker_arguments, open_workers
 from snca_ros.controller_file import TrainedController, load_controller
-from snca_ros.evolution.episode import EPISODE
 from snca_ros.evolution.workers import Workers
 from snca_ros.files import check_writable
 
@@ -44,17 +50,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('controllers', nargs='+', metavar='CONTROLLER',
                         help='controller file (.npz), or the name of a bundled one')
     parser.add_argument('--terrains', metavar='NAMES',
-                        help='separated by commas (default: the 16 unseen ones; '
-                        'with --faults flat)')
-    parser.add_argument('--terrain-seeds', type=int, metavar='N',
-                        help='N seeds of each irregular unseen terrain: mean of each kind, and of '
-                        'all kinds (default 1)')
-    parser.add_argument('--engine', default='pymunk', help=f'{", ".join(ENGINES)} (default pymunk)')
-    parser.add_argument('--starts', type=int, metavar='N',
-                        help='also walk from N pushed starts: mean and standard deviation '
-                        f'(default 0; with --faults {FAULTY_STARTS})')
-    parser.add_argument('--duration', type=float, default=EPISODE,
-                        help=f'seconds of an episode (default {EPISODE:g})')
+                        help=f'separated by commas (default: the {len(UNSEEN_TERRAINS)} unseen '
+                        f'ones; with --faults {DEFAULT_TERRAIN})')
+    add_option(parser, AssessmentOptions, 'terrain_seeds', metavar='N', default=None)
+    add_option(parser, AssessmentOptions, 'engine')
+    add_option(parser, AssessmentOptions, 'starts', metavar='N', default=None,
+               help=f'{help_of(AssessmentOptions, "starts")[:-1]}; with --faults {FAULTY_STARTS}): '
+               'adds mean and standard deviation')
+    add_option(parser, AssessmentOptions, 'duration')
     parser.add_argument('--faults', action='append', default=[], metavar='SPEC',
                         help='let a fault grow instead, FROM..TO[..STEP] in place of its number: '
                         'loss=0..0.9..0.1, delay=0..10, death=0..1@5; again for another panel')
@@ -70,10 +73,10 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Assess as the command line says; return the exit code."""
     from snca_ros.figures import check_figure  # matplotlib loads slowly
 
-    opened = open_workers(args, parser)
+    opened = open_workers(args)
     if args.starts is None:
-        args.starts = FAULTY_STARTS if args.faults else 0
-    check_trials(args.starts, args.duration)
+        args.starts = FAULTY_STARTS if args.faults else AssessmentOptions.starts
+    AssessmentOptions(args.starts, args.duration, args.engine)
     if args.figure:
         check_figure(args.figure)
     if args.csv:
@@ -126,7 +129,7 @@ def _kinds(args: argparse.Namespace) -> dict[str, tuple[str, ...]]:
         found = unseen_terrains(args.terrain_seeds)
         if args.terrain_seeds > 1:
             return found
-    names = ['flat'] if args.faults else [*UNSEEN_TERRAINS]
+    names = [DEFAULT_TERRAIN] if args.faults else [*UNSEEN_TERRAINS]
     if args.terrains is not None:
         names = args.terrains.split(',')
     return {name: (name,) for name in names}

@@ -13,6 +13,7 @@ from snca_ros.campaign.scheduler import Campaign, Listener
 from snca_ros.campaign.specification import read_campaign
 from snca_ros.command_line import INTERRUPTED
 from snca_ros.commands.worker_options import add_worker_arguments, open_workers
+from snca_ros.files import RESULTS, RUNS
 from snca_ros.progress import StatusLine
 
 _GOES_ON = 'stopped; the same command goes on with it'
@@ -28,9 +29,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `campaign`."""
     parser.add_argument('file', type=Path, metavar='FILE', help='the campaign, .yaml')
     parser.add_argument('--results', type=Path, metavar='FOLDER',
-                        help='results.csv, histories and controllers (default results/<FILE>)')
-    parser.add_argument('--runs', type=Path, metavar='FOLDER', default=Path('runs'),
-                        help='run folders (default runs)')
+                        help='results.csv, histories and controllers '
+                        f'(default {RESULTS}/<FILE>)')
+    parser.add_argument('--runs', type=Path, metavar='FOLDER', default=RUNS,
+                        help=f'run folders (default {RUNS})')
     add_worker_arguments(parser)
 
 
@@ -60,15 +62,14 @@ class _Printer(Listener):
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Run, or go on with, a campaign as the command line says; return the exit code."""
-    open_workers(args, parser)  # checks the options
     configs = read_campaign(args.file)
-    results = Results(args.results or Path('results') / args.file.stem)
+    results = Results(args.results or RESULTS / args.file.stem)
     campaign = Campaign(configs, results, args.runs.resolve(), _Printer())
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         print(campaign.describe(), file=sys.stderr, flush=True)
         while campaign.waiting:
-            with contextlib.suppress(BrokenExecutor), open_workers(args, parser) as workers:
+            with contextlib.suppress(BrokenExecutor), open_workers(args) as workers:
                 campaign.work(workers)
     except KeyboardInterrupt:
         print(f'\n{_GOES_ON}: {campaign.describe()}', file=sys.stderr)

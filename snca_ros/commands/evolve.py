@@ -9,16 +9,17 @@ from pathlib import Path
 
 import numpy as np
 
-from sim_node.model.constants import help_of
-from sim_node.model.morphology import SHAPES
+from sim_node.model.morphology import DEFAULT_SHAPE, SHAPES
 from sim_node.model.solver import Solver
-from snca_ros.cell.architecture import ARCHITECTURES
-from snca_ros.cell.models import NEURON_MODELS
+from snca_ros.cell.architecture import ARCHITECTURES, DEFAULT_ARCHITECTURE, Architecture
+from snca_ros.cell.models import DEFAULT_NEURON_MODEL, NEURON_MODELS
 from snca_ros.command_line import INTERRUPTED
+from snca_ros.commands.declared_options import add_option
 from snca_ros.commands.worker_options import add_worker_arguments, open_workers
 from snca_ros.evolution.checkpoint import Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evolve import evolve
+from snca_ros.files import RUNS
 from snca_ros.progress import StatusLine, TimeLeft, bars
 
 EXAMPLES = """
@@ -69,24 +70,24 @@ class ProgressLine:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `evolve`."""
     new = parser.add_argument_group('the run')
-    new.add_argument('--shape', help=f'{", ".join(SHAPES)} with a size, or a grid 1111-1001')
-    new.add_argument('--architecture', help=f'{", ".join(ARCHITECTURES)} (default U-nD)')
-    new.add_argument('--neuron-model', help=f'{", ".join(NEURON_MODELS)} (default snn-h)')
-    new.add_argument('--n-c', type=int, help='message channels per side (default 4 nD, 1 D)')
+    new.add_argument('--shape', help=f'{", ".join(SHAPES)} with a size, or a grid 1111-1001 '
+                     f'(default {DEFAULT_SHAPE})')
+    new.add_argument('--architecture',
+                     help=f'{", ".join(ARCHITECTURES)} (default {DEFAULT_ARCHITECTURE})')
+    new.add_argument('--neuron-model',
+                     help=f'{", ".join(NEURON_MODELS)} (default {DEFAULT_NEURON_MODEL})')
+    usual = {name: Architecture.named(f'U-{name}', DEFAULT_NEURON_MODEL).n_c
+             for name in ('nD', 'D')}
+    new.add_argument('--n-c', type=int, help='message channels per side (default '
+                     f'{", ".join(f"{n} {name}" for name, n in usual.items())})')
     new.add_argument('--hidden', help='hidden layer sizes, as 20 or 16,8, or 0 for none')
     new.add_argument('--as-printed', action='store_true', default=None,
                      help="the paper's printed equations where the authors' code differs")
-    new.add_argument('--terrain', help='flat, hilly-h-w-seed, steppy-h-w-seed, uphill-a, ...')
-    new.add_argument('--evaluations', type=int, help=help_of(RunConfig, 'evaluations'))
-    new.add_argument('--seed', type=int, help=help_of(RunConfig, 'seed'))
-    new.add_argument('--strategy', help=help_of(RunConfig, 'strategy'))
-    new.add_argument('--population', type=int, help=help_of(RunConfig, 'population'))
-    new.add_argument('--sigma', type=float, help=help_of(RunConfig, 'sigma'))
-    new.add_argument('--engine', help=help_of(RunConfig, 'engine'))
-    new.add_argument('--physics', help=help_of(Solver, 'physics'))
-    new.add_argument('--duration', type=float, help=help_of(RunConfig, 'duration'))
-    new.add_argument('--transient', type=float, help=help_of(RunConfig, 'transient'))
-    parser.add_argument('--run', type=Path, help='run folder (default runs/<what it is>)')
+    for name in _OF_THE_RUN:
+        add_option(new, RunConfig, name, default=None)
+    for name in _OF_THE_SOLVER:
+        add_option(new, Solver, name, default=None)
+    parser.add_argument('--run', type=Path, help=f'run folder (default {RUNS}/<what it is>)')
     parser.add_argument('--resume', type=Path, metavar='RUN', help='go on with a stopped run')
     add_worker_arguments(parser)
 
@@ -110,7 +111,7 @@ def _hidden_layers(text: str) -> tuple:
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Evolve as the command line says; return the exit code."""
-    opened = open_workers(args, parser)
+    opened = open_workers(args)
     if args.resume:
         options = ('shape', 'architecture', 'neuron_model', *_OF_THE_CELL, *_OF_THE_RUN,
                    *_OF_THE_SOLVER, 'run')
@@ -122,7 +123,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     else:
         config = _new_config(args)
         config.new_strategy()  # refuses one that is not installed before there is a folder
-        folder = RunFolder.create(args.run or Path('runs') / config.name, config)
+        folder = RunFolder.create(args.run or RUNS / config.name, config)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     print(f'{folder.path}: {_describe(folder.config)}', file=sys.stderr)
     try:

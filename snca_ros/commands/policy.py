@@ -4,6 +4,7 @@ import argparse
 import sys
 
 from snca_ros.bundled import find_controller
+from snca_ros.commands.declared_options import add_option
 from snca_ros.controller_file import load_controller
 from snca_ros.graph.description import WalkOptions, describe_graph
 from snca_ros.graph.sros_policy import policy_xml
@@ -19,8 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `policy`."""
     parser.add_argument('controller', help='controller file, or the name of a bundled one')
     parser.add_argument('--robot', default='', help='namespace (default: the shape)')
-    parser.add_argument('--voxels-per-process', type=int, default=1, metavar='K',
-                        help='of the walk; a process has one enclave (default 1)')
+    add_option(parser, WalkOptions, 'voxels_per_process', metavar='K')
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:

@@ -1,13 +1,16 @@
 """The `render` command: walks of controllers and bags as GIF, MP4 or a strip, without a screen."""
 
 import argparse
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from sim_node.control_time import CONTROL_RATE
 from sim_node.errors import InvalidInput
+from sim_node.model.constants import Checked, constant, declaration, help_of
 from snca_ros.bundled import find_controller
+from snca_ros.commands.declared_options import add_option
 from snca_ros.controller_file import load_controller
 from snca_ros.rendering.encoders import GAP, write_gif, write_mp4, write_strip
 from snca_ros.rendering.film import Film, film_bag, film_offline
@@ -23,7 +26,18 @@ EXAMPLES = """
 _N_POSES = 4  # in a strip
 _WIDTHS = {'.gif': 640, '.mp4': 640, '.png': 1280}  # of one robot's pictures
 _MOST = 1920  # of all, unless chosen
+_LEAST = 100  # of one
 _MOVIE_VIEW, _STRIP_VIEW = 2.4, 1.5  # width of a picture over length of the robot
+
+
+@dataclass(frozen=True)
+class RenderOptions(Checked):
+    """What is shown of a walk, and how."""
+
+    duration: float = constant(8.0, 1 / CONTROL_RATE, 120.0, 'time to show', 's')
+    start: float = constant(0.0, 0.0, 3600.0, 'time of the walk to begin with', 's')
+    fps: float = constant(20.0, 1.0, 50.0, 'pictures per second')
+    width: int = constant(_WIDTHS['.gif'], _LEAST, 3840, 'width of all pictures', 'pixels')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,13 +51,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='of a walk, one option for each (default, of several: their names)')
     parser.add_argument('--columns', type=int, metavar='N',
                         help='robots side by side (default: all; 1 puts them above one another)')
-    parser.add_argument('--duration', type=float, default=8.0, help='seconds to show (default 8)')
-    parser.add_argument('--start', type=float, default=0.0,
-                        help='second of the walk to begin with (default 0)')
+    add_option(parser, RenderOptions, 'duration')
+    add_option(parser, RenderOptions, 'start')
     parser.add_argument('--terrain', help='of controllers; default: the one of their evolution')
-    parser.add_argument('--fps', type=float, default=20.0, help='pictures a second (default 20)')
-    parser.add_argument('--width', type=int,
-                        help=f'pixels (default 640, 1280 of a strip; up to {_MOST} for several)')
+    add_option(parser, RenderOptions, 'fps')
+    add_option(parser, RenderOptions, 'width', default=None,
+               help=f'{help_of(RenderOptions, "width")[:-1]}, {_WIDTHS[".png"]} of a strip; up to '
+               f'{_MOST} for several)')
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
@@ -54,10 +68,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     columns = 1 if kind == '.png' else n if args.columns is None else args.columns
     width = min(_MOST, columns * _WIDTHS[kind]) if args.width is None else args.width
     _check('columns', columns, 1, n)
-    _check('width', width, 100 * columns, 3840)
-    _check('fps', args.fps, 1, 50)
-    _check('start', args.start, 0, 3600)
-    _check('duration', args.duration, 1 / CONTROL_RATE, 120)
+    _check('width', width, _LEAST * columns, declaration(RenderOptions, 'width').metadata['high'])
     labels = args.label or ([_name(walk) for walk in args.walks] if n > 1 else [''])
     if len(labels) != n:
         raise InvalidInput('label', labels, f'{n}, one for each walk')

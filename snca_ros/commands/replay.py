@@ -2,12 +2,17 @@
 
 import argparse
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 from sim_node.control_time import CONTROL_RATE
 from sim_node.errors import InvalidInput
+from sim_node.model.constants import Checked, constant
 from snca_ros.bundled import find_controller
-from snca_ros.files import write_text
+from snca_ros.commands.declared_options import add_option
+from snca_ros.evolution.episode import EPISODE, LONGEST
+from snca_ros.faults import FAULTS_HELP
+from snca_ros.files import PAGE, write_text
 from snca_ros.recording.bag import Recording, read_bag
 from snca_ros.web.replay import bag_page, controller_page
 
@@ -18,7 +23,12 @@ EXAMPLES = """
   snca replay bags/mine --controller biped-U-nD-snn-h
 """
 
-_MAX_DURATION = 3600.0
+
+@dataclass(frozen=True)
+class ReplayOptions(Checked):
+    """The walk that a page plays."""
+
+    duration: float = constant(EPISODE, 1 / CONTROL_RATE, LONGEST, 'duration of the walk', 's')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,17 +37,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='controller file or name of a bundled one, run folder of evolve '
                         '(its best walks, with the history of the run), or bag')
     parser.add_argument('out', type=Path, nargs='?', metavar='FILE',
-                        help='page to write (default replay.html in the run folder or bag; '
+                        help=f'page to write (default {PAGE} in the run folder or bag; '
                         'NAME.html for a controller)')
     parser.add_argument('--episode', type=int, default=-1, metavar='N',
                         help='of a bag with resets, from 0 (default: the last)')
     parser.add_argument('--controller', metavar='CONTROLLER',
                         help='that walked in the bag, which does not hold it: adds thresholds')
     walk = parser.add_argument_group('the walk of a controller')
-    walk.add_argument('--duration', type=float, default=30.0, help='seconds (default 30)')
+    add_option(walk, ReplayOptions, 'duration')
     walk.add_argument('--terrain', default='', help='default: the one it was evolved on')
-    walk.add_argument('--faults', default='', metavar='SPEC',
-                      help='what goes wrong; see docs/robustness.md')
+    walk.add_argument('--faults', default='', metavar='SPEC', help=FAULTS_HELP)
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
@@ -48,17 +57,15 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         if args.terrain or args.faults:
             parser.error('--terrain and --faults are for walks that are no bag yet')
         recording = read_bag(source, args.episode)
-        write_bag_page(args.out or source / 'replay.html', recording, args.controller)
+        write_bag_page(args.out or source / PAGE, recording, args.controller)
         return 0
     if args.controller or args.episode != -1:
         parser.error('--controller and --episode are for bags')
-    if not 1 / CONTROL_RATE <= args.duration <= _MAX_DURATION:
-        raise InvalidInput('duration', args.duration, f'seconds from 1/60 to {_MAX_DURATION:g}')
     file = source / 'best.npz' if is_run else find_controller(args.source)
     page = controller_page(
         file, args.duration, args.terrain, args.faults, source if is_run else None
     )
-    _write_page(args.out or (source / 'replay.html' if is_run else Path(f'{file.stem}.html')), page)
+    _write_page(args.out or (source / PAGE if is_run else Path(f'{file.stem}.html')), page)
     return 0
 
 

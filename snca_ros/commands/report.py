@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 
 from sim_node.errors import InvalidInput
-from snca_ros.files import check_writable, write_text
+from snca_ros.files import FIGURE, PAGE, check_writable, write_text
 from snca_ros.recording.bag import Recording, read_bag
 from snca_ros.recording.gait import Gait, measure_gait
 from snca_ros.recording.report import as_dict, report_lines
@@ -22,10 +22,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `report`."""
     parser.add_argument('bag', type=Path, metavar='BAG', help='rosbag2 folder, MCAP or sqlite3')
     parser.add_argument('--figure', type=Path, metavar='FILE',
-                        help='picture to draw, .png, .svg or .pdf (default BAG/report.png)')
+                        help='picture to draw, .png, .svg or .pdf '
+                        f'(default BAG/{FIGURE})')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the numbers here too')
     parser.add_argument('--html', type=Path, nargs='?', const=True, metavar='FILE',
-                        help='page that plays the walk (default BAG/replay.html)')
+                        help=f'page that plays the walk (default BAG/{PAGE})')
     parser.add_argument('--controller', metavar='CONTROLLER',
                         help='that walked in the bag: adds thresholds to the page')
     parser.add_argument('--episode', type=int, default=-1, metavar='N',
@@ -42,7 +43,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         check_writable('json', args.json)
     recording = read_bag(args.bag, args.episode)
     gait = measure_gait(recording)
-    print_report(recording, gait, args.figure or args.bag / 'report.png')
+    print_report(recording, gait, args.figure or args.bag / FIGURE)
     if args.json:
         try:
             write_text(args.json, json.dumps(as_dict(recording, gait), indent=2) + '\n')
@@ -52,7 +53,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if args.html:
         from snca_ros.commands.replay import write_bag_page
 
-        page = args.bag / 'replay.html' if args.html is True else args.html
+        page = args.bag / PAGE if args.html is True else args.html
         write_bag_page(page, recording, args.controller)
     return 0
 

@@ -7,6 +7,9 @@ from sim_node.errors import InvalidInput
 from snca_ros.comparison.study import Study
 from snca_ros.files import write_text
 
+FOLDER = 'study'
+"""Folder that is written into the first results folder, unless another is given."""
+
 EXAMPLES = """
   snca study results/example
   snca study results/main results/more --campaign config/experiments/paper-main.yaml
@@ -22,7 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='only the runs of this campaign file, of which the missing '
                              'are named; may be given again')
     parser.add_argument('--output', type=Path, metavar='FOLDER',
-                        help='index.html, statistics.csv and figures (default RESULTS/study)')
+                        help='index.html, statistics.csv and figures '
+                        f'(default RESULTS/{FOLDER})')
     parser.add_argument('--text', action='store_true',
                         help='only print a summary in Markdown; write nothing')
 
@@ -35,7 +39,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if args.text:
         print(study.summary(), flush=True)
         return 0
-    files, output = study.files(), args.output or args.results[0] / 'study'
+    files, output = study.files(), args.output or args.results[0] / FOLDER
     try:
         output.mkdir(parents=True, exist_ok=True)
         for name, text in files.items():

@@ -8,8 +8,9 @@ from dataclasses import replace
 from sim_node.errors import InvalidInput
 from sim_node.ros import security
 from snca_ros.bundled import find_controller
+from snca_ros.commands.declared_options import add_option
 from snca_ros.controller_file import load_controller
-from snca_ros.faults import parse_faults
+from snca_ros.faults import FAULTS_HELP, parse_faults
 from snca_ros.graph.description import WalkOptions, describe_graph
 from snca_ros.graph.supervisor import supervise_voxels
 
@@ -30,10 +31,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--respawn', action='store_true',
                         help='start voxels again that were killed')
     parser.add_argument('--faults', default='', metavar='SPEC',
-                        help='the same as the walk has')
+                        help=f'the same as of the walk: {FAULTS_HELP}')
     parser.add_argument('--robot', default='', help='namespace (default: the shape)')
-    parser.add_argument('--voxels-per-process', type=int, default=1, metavar='K',
-                        help='voxels that share a process (default 1)')
+    add_option(parser, WalkOptions, 'voxels_per_process', metavar='K')
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:

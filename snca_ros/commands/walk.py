@@ -11,28 +11,27 @@ from pathlib import Path
 
 import numpy as np
 
-from sim_node.engine import DEFAULT_ENGINE, ENGINES
-from sim_node.errors import InvalidInput, check_name
+from sim_node.errors import InvalidInput
 from sim_node.model.morphology import parse_morphology
 from sim_node.ros import security
+from sim_node.ros.sim_interface import BodyOptions
 from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
 from snca_ros.command_line import INTERRUPTED
+from snca_ros.commands.declared_options import add_option
 from snca_ros.commands.report import print_report
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.episode import run_episode
-from snca_ros.faults import Faults, parse_faults
-from snca_ros.files import check_new_bag
+from snca_ros.faults import FAULTS_HELP, Faults, parse_faults
+from snca_ros.files import FIGURE, check_new_bag
 from snca_ros.graph.description import Graph, WalkOptions, describe_graph, robot_name
 from snca_ros.graph.live_view import LiveView
 from snca_ros.graph.processes import RunningGraph
 from snca_ros.graph.supervisor import supervise_walk
-from snca_ros.nodes.recorder import STORAGES
+from snca_ros.nodes.interfaces import ViewOptions
 from snca_ros.recording.bag import read_bag
 from snca_ros.recording.gait import measure_gait
 from snca_ros.recording.offline import compare_with_twin
 from snca_ros.web.server import check_port
-
-VIEW_PORT = 8765
 
 EXAMPLES = """
   snca walk                                         # the bundled biped, 30 s, in lock-step
@@ -49,34 +48,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('controller', nargs='?', default=DEFAULT_CONTROLLER,
                         help='controller file, or the name of a bundled one '
                         f'(default {DEFAULT_CONTROLLER})')
-    parser.add_argument('--duration', type=float, default=30.0,
-                        help='simulated seconds to walk (default 30)')
-    parser.add_argument('--real-time', type=float, nargs='?', const=1.0, default=0.0,
-                        metavar='FACTOR', help='keep to wall time, or to FACTOR times as fast, '
-                        'and never wait for a voxel (default: in lock-step, as fast as it goes)')
+    add_option(parser, WalkOptions, 'duration')
+    add_option(parser, WalkOptions, 'real_time_factor', '--real-time', dest='real_time', nargs='?',
+               const=1.0, metavar='FACTOR', help='keep to wall time, or to FACTOR times as fast, '
+               'and never wait for a voxel (default: in lock-step, as fast as it goes)')
     parser.add_argument('--respawn', action='store_true',
                         help='start voxels again that were killed')
     parser.add_argument('--terrain', default='', help='default: the one it was evolved on')
-    parser.add_argument('--engine', default='',
-                        help=f'{", ".join(ENGINES)} (default {DEFAULT_ENGINE})')
+    add_option(parser, BodyOptions, 'engine')
     parser.add_argument('--shape', help='refuse a controller of another shape than this')
     parser.add_argument('--robot', default='', help='namespace (default: the shape)')
-    parser.add_argument('--voxels-per-process', type=int, default=1, metavar='K',
-                        help='voxels that share a process (default 1)')
-    parser.add_argument('--faults', default='', metavar='SPEC',
-                        help='what goes wrong: name=value,... such as loss=0.3,death=0.5@10, '
-                        'or a YAML file; see docs/robustness.md')
+    add_option(parser, WalkOptions, 'voxels_per_process', metavar='K')
+    parser.add_argument('--faults', default='', metavar='SPEC', help=FAULTS_HELP)
     parser.add_argument('--only', default='', metavar='VOXELS',
                         help='voxels of this machine, if `snca voxels` runs the others elsewhere: '
                         'K/N, the Kth of N shares, or voxel_0_0,voxel_1_0,..., or none')
-    parser.add_argument('--view', type=int, nargs='?', const=VIEW_PORT, metavar='PORT',
-                        help='show the walk live on a page of this machine (default port '
-                        f'{VIEW_PORT}), in real time unless --real-time tells otherwise')
+    add_option(parser, ViewOptions, 'view', nargs='?', const=ViewOptions.view, default=None,
+               metavar='PORT')
     record = parser.add_mutually_exclusive_group()
     record.add_argument('--bag', type=Path, help='bag to write (default bags/<robot>-<time>)')
     record.add_argument('--no-bag', action='store_true', help='record nothing')
-    parser.add_argument('--storage', default='mcap',
-                        help=f'of the bag: {", ".join(STORAGES)} (default mcap)')
+    add_option(parser, WalkOptions, 'storage')
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
@@ -84,14 +76,9 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     security.check_middleware()
     path = find_controller(args.controller)
     trained = load_controller(path)
-    if not 0.0 < args.duration <= 1e5:
-        raise InvalidInput('duration', args.duration, 'seconds from 0 to 100000')
-    if not 0.0 <= args.real_time <= 100.0:
-        raise InvalidInput('real_time', args.real_time, 'a factor from 0 to 100')
-    check_name('storage', args.storage, STORAGES)
+    if args.duration == 0.0:
+        raise InvalidInput('--duration', args.duration, 'a time above 0 [s]')
     if args.view is not None:
-        if not 0 <= args.view < 65536:
-            raise InvalidInput('view', args.view, 'a port from 0 to 65535')
         check_port(args.view)
         args.real_time = args.real_time or 1.0
     _check_shape(path, trained, args.shape)
@@ -99,7 +86,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     bag = args.bag or Path('bags') / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'
     if not args.no_bag:
         check_new_bag(bag)
-    engine = args.engine or DEFAULT_ENGINE
+    engine = args.engine
     faults = parse_faults(args.faults)
     options = WalkOptions(
         robot, args.terrain, engine, args.duration, args.real_time, args.voxels_per_process,
@@ -118,7 +105,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if code or args.no_bag:
         return code
     recording = read_bag(bag)
-    print_report(recording, measure_gait(recording), bag / 'report.png')
+    print_report(recording, measure_gait(recording), bag / FIGURE)
     may_differ = args.respawn or args.real_time > 0.0
     text, as_expected = compare_with_twin(recording.centers, offline, may_differ)
     print(text)

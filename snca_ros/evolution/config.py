@@ -8,14 +8,15 @@ import yaml
 
 from sim_node.engine import DEFAULT_ENGINE, ENGINES, check_engine
 from sim_node.errors import InvalidInput, check_keys
-from sim_node.model.constants import check_declared, choice, constant
+from sim_node.model.constants import check_declared, choice, constant, text_value
 from sim_node.model.material import Material
-from sim_node.model.morphology import parse_morphology
+from sim_node.model.morphology import DEFAULT_SHAPE, parse_morphology
 from sim_node.model.physics import DEFAULT_PHYSICS, UNNAMED_PHYSICS
 from sim_node.model.solver import Solver
-from sim_node.model.terrain import parse_terrain
+from sim_node.model.terrain import DEFAULT_TERRAIN, TERRAIN_FORM, parse_terrain
 from sim_node.simulation import Simulation
-from snca_ros.cell.architecture import Architecture
+from snca_ros.cell.architecture import DEFAULT_ARCHITECTURE, Architecture
+from snca_ros.cell.models import DEFAULT_NEURON_MODEL
 from snca_ros.evolution.episode import EPISODE, LONGEST, TRANSIENT
 from snca_ros.evolution.strategies import DEFAULT_STRATEGY, STRATEGIES, Strategy
 from snca_ros.files import read_yaml
@@ -27,7 +28,6 @@ class RunConfig:
 
     Attributes:
         shape: morphology, a name or a grid.
-        terrain: name of the ground.
         architecture: what kind of cells.
         material, solver: of the simulation.
 
@@ -39,7 +39,7 @@ class RunConfig:
 
     shape: str
     architecture: Architecture
-    terrain: str = 'flat'
+    terrain: str = text_value(DEFAULT_TERRAIN, 'ground', TERRAIN_FORM)
     evaluations: int = constant(30_000, 1, 10**9, 'episodes to spend')
     seed: int = constant(0, 0, 2**63 - 1, 'seed of all random numbers')
     population: int = constant(36, 4, 100_000, 'individuals per generation')
@@ -126,9 +126,9 @@ class RunConfig:
     @classmethod
     def named(
         cls,
-        shape: str = 'biped',
-        architecture: str = 'U-nD',
-        neuron_model: str = 'snn-h',
+        shape: str = DEFAULT_SHAPE,
+        architecture: str = DEFAULT_ARCHITECTURE,
+        neuron_model: str = DEFAULT_NEURON_MODEL,
         *,
         physics: str = DEFAULT_PHYSICS,
         n_c: int | None = None,

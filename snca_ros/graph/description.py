@@ -13,9 +13,12 @@ import yaml
 
 from sim_node.engine import DEFAULT_ENGINE
 from sim_node.errors import InvalidInput
+from sim_node.model.constants import Checked, constant, same_as
 from sim_node.model.morphology import DIRECTIONS, Morphology
+from sim_node.ros.sim_interface import SIM_NODE, RunOptions
 from snca_ros.controller_file import TrainedController
 from snca_ros.faults import NO_FAULTS, Faults
+from snca_ros.nodes.interfaces import RECORDER_NODE, VOXEL_NODE, RecorderOptions
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,23 +78,26 @@ class Graph:
 
 
 @dataclass(frozen=True)
-class WalkOptions:
+class WalkOptions(Checked):
     """What a person chooses about a walk; see the help of `snca walk`.
 
     `only` chooses the voxels of this machine, as `choose_voxels` has it; with `one_walk` they end
     when their simulation has.
+
+    Raises:
+        InvalidInput: a value is off.
     """
 
     robot: str = ''
     terrain: str = ''
     engine: str = ''
-    duration: float = 30.0
-    real_time_factor: float = 0.0
-    voxels_per_process: int = 1
+    duration: float = constant(30.0, 0.0, 1e5, 'simulated time to walk', 's')
+    real_time_factor: float = same_as(RunOptions, 'real_time_factor')
+    voxels_per_process: int = constant(1, 1, 1000, 'voxels that share a process')
     only: str = ''
     one_walk: bool = False
     bag: str = ''
-    storage: str = 'mcap'
+    storage: str = same_as(RecorderOptions, 'storage')
     faults: Faults = NO_FAULTS
     simulation: dict[str, Any] = field(default_factory=dict)
 
@@ -104,7 +110,7 @@ class WalkOptions:
         """
         if self.simulation.get('on_silence') != 'go_on':
             return 0.0
-        return float(self.simulation.get('silence_limit', 10.0)) / 4.0
+        return float(self.simulation.get('silence_limit', RunOptions.silence_limit)) / 4.0
 
 
 def describe_graph(
@@ -117,8 +123,6 @@ def describe_graph(
     """
     morphology = trained.morphology
     k = options.voxels_per_process
-    if not 1 <= k <= 1000:
-        raise InvalidInput('voxels_per_process', k, 'a number from 1 to 1000')
     robot = options.robot or robot_name(morphology)
     if not (robot.isascii() and robot.isidentifier()):
         raise InvalidInput('robot', robot, 'letters, digits and _, not starting with a digit')
@@ -129,13 +133,13 @@ def describe_graph(
         bag: dict[str, object] = {
             'bag': os.path.abspath(options.bag), 'storage': options.storage
         }
-        recorder = NodeProcess('recorder_node', {'recorder_node': bag})
+        recorder = NodeProcess(RECORDER_NODE.name, {RECORDER_NODE.name: bag})
     return Graph(
         robot,
-        NodeProcess('sim_node', {'sim_node': _simulation_parameters(trained, options)}),
+        NodeProcess(SIM_NODE.name, {SIM_NODE.name: _simulation_parameters(trained, options)}),
         tuple(
             NodeProcess(
-                'voxel_node',
+                VOXEL_NODE.name,
                 {name: _voxel_parameters(name, morphology, controller, options)
                  for name in group},
                 group,

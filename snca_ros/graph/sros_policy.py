@@ -3,12 +3,17 @@
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
-from sim_node.ros.topics import ACTUATION_TOPIC, SENSORS_TOPIC
+from sim_node.ros.interface import DIAGNOSTICS, ROSOUT
+from sim_node.ros.sim_interface import ACTUATION, SENSORS, SIM_NODE
 from snca_ros.graph.description import Graph
+from snca_ros.nodes.interfaces import RECORDER_NODE
 
 _POLICY_VERSION = '0.2.0'
-_SIMULATION_TOPICS = ('/clock', 'odometry', 'markers')
-_SPOKEN_BY_ALL = ('/diagnostics', '/parameter_events', '/rosout')
+_SIMULATION_TOPICS = tuple(
+    topic.name for topic in SIM_NODE.publishes
+    if not topic.of_voxel and topic not in (DIAGNOSTICS, ROSOUT)
+)
+_SPOKEN_BY_ALL = (DIAGNOSTICS.name, '/parameter_events', ROSOUT.name)
 _SERVED_BY_ALL = tuple(f'~/{name}' for name in (
     'describe_parameters', 'get_parameter_types', 'get_parameters', 'get_type_description',
     'list_parameters', 'set_parameters', 'set_parameters_atomically',
@@ -35,25 +40,26 @@ def access_of_nodes(graph: Graph, messages: str) -> dict[str, Access]:
         messages: topic of the cells' messages, `spikes` or `values`.
     """
     voxels = {n: values for process in graph.voxels for n, values in process.parameters.items()}
-    sensors = tuple(f'{voxel}/{SENSORS_TOPIC}' for voxel in voxels)
-    actuation = tuple(f'{voxel}/{ACTUATION_TOPIC}' for voxel in voxels)
+    sensors = tuple(SENSORS.of(voxel) for voxel in voxels)
+    actuation = tuple(ACTUATION.of(voxel) for voxel in voxels)
     said = tuple(f'{voxel}/{messages}' for voxel in voxels)
     access = {
-        'sim_node': Access(
-            (*_SIMULATION_TOPICS, *sensors), actuation, ('reset', 'step', 'pause')
+        SIM_NODE.name: Access(
+            (*_SIMULATION_TOPICS, *sensors), actuation,
+            tuple(service.name for service in SIM_NODE.serves),
         ),
-        'recorder_node': Access((), (
-            *_SIMULATION_TOPICS, *sensors, *actuation, *said, '/diagnostics', '/rosout',
+        RECORDER_NODE.name: Access((), (
+            *_SIMULATION_TOPICS, *sensors, *actuation, *said, DIAGNOSTICS.name, ROSOUT.name,
         )),
-        'walk': Access((), ('/diagnostics',)),
+        'walk': Access((), (DIAGNOSTICS.name,)),
         'voxels': Access(),
     }
     for voxel, values in voxels.items():
         neighbors = [name for key, name in values.items() if key.startswith('neighbor.')]
         heard = tuple(f'{neighbor}/{messages}' for neighbor in neighbors)
         access[voxel] = Access(
-            (f'{voxel}/{ACTUATION_TOPIC}', f'{voxel}/{messages}'),
-            (f'{voxel}/{SENSORS_TOPIC}', f'{voxel}/{ACTUATION_TOPIC}', *heard),
+            (ACTUATION.of(voxel), f'{voxel}/{messages}'),
+            (SENSORS.of(voxel), ACTUATION.of(voxel), *heard),
         )
     return access
 

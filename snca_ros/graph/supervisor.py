@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from sim_node.control_time import CONTROL_RATE
+from sim_node.ros.interface import DIAGNOSTICS
 from snca_ros.graph.description import Graph, NodeProcess, WalkOptions
 from snca_ros.graph.environment import graph_environment
 from snca_ros.graph.network import await_network
@@ -110,7 +111,7 @@ class _Progress:
     def __init__(self, node: Node, robot: str, duration: float) -> None:
         self._name, self._duration, self._steps = f'/{robot}/sim_node', duration, 0
         self._live = sys.stderr.isatty()
-        node.create_subscription(DiagnosticArray, '/diagnostics', self._note, 10)
+        node.create_subscription(DiagnosticArray, DIAGNOSTICS.name, self._note, 10)
 
     def _note(self, message: DiagnosticArray) -> None:
         for status in message.status:

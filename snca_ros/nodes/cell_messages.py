@@ -9,6 +9,7 @@ from sim_node.episode import EXAMPLE_EPISODE, check_frame, frame_of
 from sim_node.errors import InvalidInput
 from sim_node.ros.cdr import WireFormat
 from snca_ros.cell.architecture import Architecture
+from snca_ros.nodes.interfaces import SPIKES, VALUES
 
 
 class CellMessages:
@@ -87,4 +88,4 @@ class CellMessages:
 
 def topic_name(architecture: Architecture) -> str:
     """Return the topic below `<voxel>/` on which cells of this architecture send."""
-    return 'spikes' if architecture.spiking else 'values'
+    return (SPIKES if architecture.spiking else VALUES).name

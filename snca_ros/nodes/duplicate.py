@@ -6,7 +6,8 @@ from sensor_msgs.msg import JointState
 
 from sim_node.errors import InvalidInput
 from sim_node.ros.node_base import RosNode
-from sim_node.ros.topics import ACTUATION_TOPIC, actuation_format, read_joint_state, stream_qos
+from sim_node.ros.sim_interface import ACTUATION
+from sim_node.ros.topics import actuation_format, read_joint_state, stream_qos
 
 _TELL_LIMIT = 1.0  # seconds after which a double that was seen has been heard, if it answers
 
@@ -23,7 +24,7 @@ class Double:
     """
 
     def __init__(self, node: RosNode, voxel: str) -> None:
-        self._node, self._topic = node, f'{voxel}/{ACTUATION_TOPIC}'
+        self._node, self._topic = node, ACTUATION.of(voxel)
         self._wire = actuation_format(voxel)
         self._heard = b''  # the episode in which it was heard last
         self._since = time.monotonic()

@@ -12,13 +12,16 @@ from visualization_msgs.msg import MarkerArray
 
 from sim_node.control_time import step_of_stamp
 from sim_node.ros import topics
+from sim_node.ros.interface import DIAGNOSTICS
 from sim_node.ros.node_base import RosNode
+from sim_node.ros.sim_interface import ACTUATION, MARKERS, ODOMETRY, SENSORS
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.controller_file import TrainedController
 from snca_ros.nodes.cell_messages import CellMessages, topic_name
+from snca_ros.nodes.interfaces import VIEW_NODE, VIEW_RATE
 from snca_ros.recording.gait import area_ratios
 
-PERIOD = 1.0 / 30.0
+PERIOD = 1.0 / VIEW_RATE
 """Seconds of wall time between frames."""
 
 _DIGITS = 4  # of the numbers sent
@@ -38,7 +41,7 @@ class ViewNode(RosNode):
     def __init__(
         self, robot: str, trained: TrainedController, tell: Callable[[dict[str, Any]], None]
     ) -> None:
-        super().__init__('view', namespace=f'/{robot}', enable_rosout=False)
+        super().__init__(VIEW_NODE.name, namespace=f'/{robot}', enable_rosout=False)
         self._tell = tell
         voxels, qos = trained.morphology.voxel_names, topics.stream_qos()
         self._voxels = voxels
@@ -48,13 +51,13 @@ class ViewNode(RosNode):
         self._sensors = [topics.sensors_format(voxel) for voxel in voxels]
         self._actuation = [topics.actuation_format(voxel) for voxel in voxels]
         self._messages = [CellMessages(trained.architecture, voxel) for voxel in voxels]
-        self._odometry_box = self.create_mailbox(Odometry, 'odometry', qos)
-        self._markers_box = self.create_mailbox(MarkerArray, 'markers', qos)
+        self._odometry_box = self.create_mailbox(Odometry, ODOMETRY.name, qos)
+        self._markers_box = self.create_mailbox(MarkerArray, MARKERS.name, qos)
         self._boxes = {
             kind: [self.create_mailbox(of_type, f'{voxel}/{name}', qos) for voxel in voxels]
             for kind, of_type, name in (
-                ('sensors', JointState, topics.SENSORS_TOPIC),
-                ('actuation', JointState, topics.ACTUATION_TOPIC),
+                ('sensors', JointState, SENSORS.name),
+                ('actuation', JointState, ACTUATION.name),
                 ('messages', Image, topic),
             )
         }
@@ -64,7 +67,7 @@ class ViewNode(RosNode):
             'actuation': [None] * len(voxels), 'health': {},
         }
         self._killed: set[str] = set()
-        self.create_subscription(DiagnosticArray, '/diagnostics', self._note_health, 100)
+        self.create_subscription(DiagnosticArray, DIAGNOSTICS.name, self._note_health, 100)
         self.create_timer(PERIOD, self._look)
 
     def _note_health(self, message: DiagnosticArray) -> None:

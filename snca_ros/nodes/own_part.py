@@ -3,7 +3,6 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -53,13 +52,13 @@ def check_names(voxel: str, neighbors: Sequence[str], where: str) -> None:
             raise InvalidInput(field, value, 'voxel_<x>_<y>', where)
 
 
-def load_own_part(path: str, voxel: str, faults: dict[str, Any], where: str) -> OwnPart:
+def load_own_part(path: str, voxel: str, faults: Faults, where: str) -> OwnPart:
     """Load the part of one voxel, its cell compiled.
 
     Args:
         path: of the controller file.
         voxel: its name.
-        faults: of all cells, as parameters of `Faults`.
+        faults: of all cells.
         where: the source of `path` and `faults`, for errors.
 
     Raises:
@@ -73,7 +72,7 @@ def load_own_part(path: str, voxel: str, faults: dict[str, Any], where: str) -> 
     except InvalidInput as error:
         raise error.found_in(path) from None
     try:
-        of_cells = CellFaults(Faults(**faults), trained.morphology)
+        of_cells = CellFaults(faults, trained.morphology)
     except InvalidInput as error:
         raise error.found_in(where) from None
     n_voxels = trained.morphology.n_voxels

@@ -29,18 +29,19 @@ from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 from rosbags.typesys import Stores, get_typestore
 
-from sim_node.errors import check_name
+from sim_node.ros.declared_parameters import declare
 from sim_node.ros.node_base import RosNode, run_nodes
+from sim_node.ros.sim_interface import MARKERS
 from sim_node.ros.topics import stream_qos
 from snca_ros.files import RESERVE, check_new_bag, room_for
+from snca_ros.nodes.interfaces import RECORDER, RECORDER_NODE, RecorderOptions
 from snca_ros.recording.streams import KINDS
 
-STORAGES = {'mcap': StoragePlugin.MCAP, 'sqlite3': StoragePlugin.SQLITE3}
-GLOBAL_TOPICS = ('/clock', '/diagnostics', '/rosout')
+GLOBAL_TOPICS = tuple(t.name for t in RECORDER_NODE.subscribes if t.name.startswith('/'))
 
 _TYPES = {
     **{kind: reader.type for kind, reader in KINDS.items()},
-    'markers': 'visualization_msgs/msg/MarkerArray',
+    MARKERS.name: MARKERS.type,
 }
 _QUEUE = 20_000  # messages of one topic that may wait while the disk is slow
 _LOOK_PERIOD = 0.1  # seconds between looks for new topics, while a graph comes up
@@ -55,17 +56,14 @@ class RecorderNode(RosNode):
     """Records all topics of its namespace, and /clock, /diagnostics and /rosout, losslessly."""
 
     def __init__(self) -> None:
-        super().__init__('recorder_node')
-        p = self.parameter
-        now = datetime.now().strftime('%Y%m%d-%H%M%S')
-        path = p('bag', f'bags/{now}', 'folder of the bag to write; must not exist')
-        storage = p('storage', 'mcap', 'storage of the bag: mcap | sqlite3')
+        super().__init__(RECORDER_NODE.name)
+        new = RecorderOptions(f'bags/{datetime.now():%Y%m%d-%H%M%S}')
+        options = declare(self, RECORDER, new)
         self.check_unknown_parameters()
-        check_name('storage', storage, STORAGES, self.where())
         self._types = get_typestore(Stores.ROS2_JAZZY)
         self._topics: set[str] = set()
         self._last_message = 0.0
-        self._writer = self._open(Path(path), STORAGES[storage])
+        self._writer = self._open(Path(options.bag), StoragePlugin[options.storage.upper()])
         self._newest_topic = time.monotonic()
         self._look_timer = self.create_timer(_LOOK_PERIOD, self._look_for_topics)
         self.create_timer(_FLUSH_PERIOD, self._flush)

@@ -16,13 +16,16 @@ from sensor_msgs.msg import Image, JointState
 
 from sim_node.control_time import stamp_of_step
 from sim_node.errors import InvalidInput
-from sim_node.model.morphology import DIRECTIONS
 from sim_node.ros import topics
+from sim_node.ros.declared_parameters import declare
 from sim_node.ros.delivery import link_figures
 from sim_node.ros.node_base import RosNode, run_nodes
-from snca_ros.faults import FAULTS_OF_CELLS
+from sim_node.ros.sim_interface import ACTUATION, SENSORS
+from snca_ros.faults import NO_FAULTS
+from snca_ros.nodes import interfaces
 from snca_ros.nodes.cell_messages import CellMessages, topic_name
 from snca_ros.nodes.duplicate import Double
+from snca_ros.nodes.interfaces import NeighborNames, VoxelOptions
 from snca_ros.nodes.mismatch import Mismatch
 from snca_ros.nodes.own_part import check_names, load_own_part
 from snca_ros.nodes.voxel_core import LOOK_PERIOD, Answer, Heard, VoxelCore
@@ -37,31 +40,20 @@ class VoxelNode(RosNode):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        p = self.parameter
-        self._voxel = p('voxel', name, 'place of this voxel: voxel_<x>_<y>; default: its name')
-        path = p('controller', '', 'controller file (.npz) to load the parameters from')
-        names = [
-            p(f'neighbor.{d}', '', f'name of the voxel {d} of this one; empty: none')
-            for d in DIRECTIONS
-        ]
-        patience = p(
-            'patience', 0.0, 'wall time to wait for a neighbour before taking it for silent '
-            '[s]; 0: for ever', 0.0, 3600.0,
-        )
-        real_time = p(
-            'real_time', False, 'step when sensors come, whatever neighbours have said by then'
-        )
-        self._met_simulation = False
-        if p('one_walk', False, 'end when the simulation has come and gone'):
-            self.create_timer(_SIMULATION_PERIOD, self._end_with_simulation)
-        faults = {name: p(name, *spec) for name, spec in FAULTS_OF_CELLS.items()}
+        options = declare(self, interfaces.VOXEL, VoxelOptions(voxel=name))
+        names = declare(self, interfaces.NEIGHBORS, NeighborNames()).by_direction
+        faults = declare(self, interfaces.FAULTS, NO_FAULTS)
         self.check_unknown_parameters()
+        self._voxel, path = options.voxel, options.controller
+        self._met_simulation = False
+        if options.one_walk:
+            self.create_timer(_SIMULATION_PERIOD, self._end_with_simulation)
         check_names(self._voxel, names, self.where())
         self._neighbors = {d: n for d, n in enumerate(names) if n}
         part = load_own_part(path, self._voxel, faults, self.where())
         self._architecture = part.architecture
         self._core = VoxelCore(
-            part, self._neighbors, patience=patience, real_time=real_time,
+            part, self._neighbors, patience=options.patience, real_time=options.real_time,
             horizon=topics.HISTORY,
         )
         self._mismatch = Mismatch(path, part.physics, self.get_logger().warning)
@@ -82,14 +74,14 @@ class VoxelNode(RosNode):
         self._messages = CellMessages(self._architecture, voxel)
         self._messages_out = self.create_publisher(Image, f'{voxel}/{topic}', qos)
         self._actuation_out = self.create_publisher(
-            JointState, f'{voxel}/{topics.ACTUATION_TOPIC}', qos
+            JointState, ACTUATION.of(voxel), qos
         )
         self._neighbor_messages, self._mailboxes = {}, {}
         for d, name in self._neighbors.items():
             self._neighbor_messages[d] = CellMessages(self._architecture, name)
             self._mailboxes[d] = self.create_mailbox(Image, f'{name}/{topic}', queue)
         self.create_subscription(
-            JointState, f'{voxel}/{topics.SENSORS_TOPIC}', self._on_sensors, queue, raw=True
+            JointState, SENSORS.of(voxel), self._on_sensors, queue, raw=True
         )
 
     def _on_sensors(self, data: bytes) -> None:
@@ -99,7 +91,7 @@ class VoxelNode(RosNode):
             )
             heard = self._core.hear_sensors(episode, step, readings, time.monotonic())
         except InvalidInput as error:
-            self.refuse(f'{self._voxel}/{topics.SENSORS_TOPIC}', error)
+            self.refuse(SENSORS.of(self._voxel), error)
             return
         if heard is not Heard.TAKEN:
             self.count(heard.value)
@@ -158,7 +150,7 @@ class VoxelNode(RosNode):
     def figures(self) -> dict[str, int]:
         """Return what came over the links, for /diagnostics."""
         topic = topic_name(self._architecture)
-        links = {f'{self._voxel}/{topics.SENSORS_TOPIC}': self._core.sensors_link}
+        links = {SENSORS.of(self._voxel): self._core.sensors_link}
         links |= {f'{self._neighbors[d]}/{topic}': link for d, link in self._core.links.items()}
         return link_figures(links)
 
@@ -191,7 +183,7 @@ class VoxelNode(RosNode):
         self.count('steps')
 
     def _end_with_simulation(self) -> None:
-        there = self.count_publishers(f'{self._voxel}/{topics.SENSORS_TOPIC}') > 0
+        there = self.count_publishers(SENSORS.of(self._voxel)) > 0
         if self._met_simulation and not there:
             self.exit_code = 0
         self._met_simulation = there or self._core.step >= 0

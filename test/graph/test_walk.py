@@ -97,7 +97,7 @@ def test_voxel_that_dies_is_named(start, make_controller):
     (['CONTROLLER', '--shape', 'comb'], ['morphology', "'11-10'", 'comb']),
     (['CONTROLLER', '--terrain', 'hily'], ['terrain', "'hily'", 'hilly']),
     (['CONTROLLER', '--duration', '-1'], ['duration', '-1']),
-    (['CONTROLLER', '--voxels-per-process', '0'], ['voxels_per_process', '0']),
+    (['CONTROLLER', '--voxels-per-process', '0'], ['--voxels-per-process', '0', 'from 1 to 1000']),
     (['CONTROLLER', '--faults', 'death=voxel_1_0'], ['death', "'voxel_1_0'"]),
     (['CONTROLLER', '--robot', 'a b'], ['robot', "'a b'"]),
     (['CONTROLLER', '--bag', '.'], ['bag', "'.'"]),

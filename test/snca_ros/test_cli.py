@@ -1,6 +1,7 @@
 """The `snca` command: overview, version, dispatch, and one line for a command that is none."""
 
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -9,9 +10,11 @@ from pathlib import Path
 import pytest
 
 import snca_ros
+from sim_node.model.constants import shown, values_of
 from snca_ros import cli
 from snca_ros.bundled import bundled_controllers
 from snca_ros.command_line import CommandParser
+from snca_ros.commands.declared_options import DeclaredOption
 
 ROOT = Path(snca_ros.__file__).parents[1]
 
@@ -54,7 +57,9 @@ def test_command_lines_are_read_in_commands_alone():
     elsewhere = {name for name in readers if not name.startswith('snca_ros/commands/')}
     assert elsewhere == {'snca_ros/command_line.py', 'snca_ros/nodes/voxel.py'}
     commands = {f'snca_ros/commands/{name}.py' for name in cli.COMMANDS}
-    assert readers - elsewhere == {*commands, 'snca_ros/commands/worker_options.py'}
+    assert readers - elsewhere == {
+        *commands, 'snca_ros/commands/declared_options.py', 'snca_ros/commands/worker_options.py',
+    }
 
 
 @pytest.mark.parametrize(
@@ -101,6 +106,55 @@ def test_help_explains_every_option_and_its_examples_are_no_errors(name):
         words = shlex.split(example.partition('>')[0], comments=True)
         assert words[0] == 'snca'
         parser_of(words[1]).parse_args(words[2:])
+
+
+REQUIRED = {
+    'assess': ['x.npz'], 'campaign': ['x.yaml'], 'policy': ['x.npz'], 'render': ['a.npz', 'b.gif'],
+    'replay': ['x.npz'], 'voxels': ['x.npz', '--only', '1/2'],
+}
+
+
+def declared_options(name):
+    """Return the options of a command that are declared constants."""
+    return [action for action in parser_of(name)._actions if isinstance(action, DeclaredOption)]
+
+
+def test_numbers_of_commands_are_declared():
+    """But for those whose range depends on other input."""
+    free = {
+        (name, action.dest) for name in cli.COMMANDS for action in parser_of(name)._actions
+        if action.type in (int, float)
+    }
+    assert free == {
+        ('evolve', 'n_c'), ('render', 'columns'), ('replay', 'episode'), ('report', 'episode'),
+    }
+
+
+@pytest.mark.parametrize('name', ['walk', 'evolve', *REQUIRED])
+def test_help_has_the_default_of_the_declaration(name):
+    options = declared_options(name)
+    assert options
+    for action in options:
+        assert action.default in (None, action.declared.default)
+        if action.dest not in ('real_time', 'workers'):  # lock-step; all cores
+            default = shown(action.declared.default)
+            assert re.search(rf'\(default {re.escape(default)}[,;)]', action.help), action.dest
+
+
+@pytest.mark.parametrize('name', ['walk', 'evolve', *REQUIRED])
+def test_a_value_that_is_off_is_named_with_its_option_and_range(name, capsys):
+    checked = [a for a in declared_options(name) if 'form' not in a.declared.metadata]
+    assert checked
+    for action in checked:
+        option, meta = action.option_strings[0], action.declared.metadata
+        beyond = [str(meta['high'] + 1), 'nan'] if 'low' in meta else []
+        for value in ['nonsense', '', *beyond]:
+            assert cli.main([name, *REQUIRED.get(name, []), f'{option}={value}']) == 2
+            out, err = capsys.readouterr()
+            assert out == ''
+            assert err.count('\n') == 1
+            assert err.startswith(f'snca {name}: error: {option}: got ')
+            assert values_of(action.declared) in err
 
 
 @pytest.mark.parametrize(('arguments', 'hint'), [

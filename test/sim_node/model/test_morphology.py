@@ -178,3 +178,17 @@ def test_same_shape_ignores_the_name():
     assert biped.same_shape(parse_morphology('1111-1111-1001'))
     assert not biped.same_shape(parse_morphology('1111-1111-1010'))
     assert biped != Morphology('other', biped.cells)
+
+
+@pytest.mark.parametrize(('name', 'expected'), [
+    ('biped', "Morphology('biped', 10 voxels, '1111-1111-1001')"),
+    ('11-10', "Morphology('11-10', 3 voxels, '11-10')"),
+    ('1', "Morphology('1', 1 voxel, '1')"),
+])
+def test_repr_is_short_and_equality_goes_by_name_and_cells(name, expected):
+    morphology = parse_morphology(name)
+    assert repr(morphology) == str(morphology) == expected
+    assert morphology == parse_morphology(name)
+    assert hash(morphology) == hash(parse_morphology(name))
+    assert morphology != Morphology('other', morphology.cells)
+    assert morphology != Morphology(morphology.name, ((0, 0), (1, 0)))

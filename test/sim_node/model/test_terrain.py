@@ -215,3 +215,9 @@ def test_polygons_are_their_own_convex_hulls(name):
     assert len(polygons) == len(terrain.x) - 1
     for polygon in polygons:
         assert pymunk.Poly(None, polygon).get_vertices() == polygon
+
+
+@pytest.mark.parametrize('name', ['flat', 'hilly-1-10-0'])
+def test_repr_is_the_name(name):
+    assert repr(parse_terrain(name)) == str(parse_terrain(name)) == f'Terrain({name!r})'
+    assert parse_terrain(name) != parse_terrain(name)  # arrays are not compared

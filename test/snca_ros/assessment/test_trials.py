@@ -111,7 +111,7 @@ def test_summary_of_starts():
         (['nowhere.npz'], ['nowhere.npz', 'controller file']),
         ([DEFAULT_CONTROLLER, '--terrains', 'flat,hily-1-10-0'], ['hily-1-10-0', "'hilly'"]),
         ([DEFAULT_CONTROLLER, '--engine', 'pymnk'], ['engine', "did you mean 'pymunk'?"]),
-        ([DEFAULT_CONTROLLER, '--terrain-seeds', '0'], ['terrain_seeds', '0', 'from 1 to 1000']),
+        ([DEFAULT_CONTROLLER, '--terrain-seeds', '0'], ['--terrain-seeds', '0', 'from 1 to 1000']),
         ([DEFAULT_CONTROLLER, '--terrain-seeds', '2', '--terrains', 'flat'],
          ['terrain_seeds', '2', 'none with --terrains']),
         ([DEFAULT_CONTROLLER, '--terrain-seeds', '2', '--faults', 'loss=0..1'],

@@ -1,0 +1,118 @@
+"""The simulation node's parameters, topics and services, as declarations."""
+
+from dataclasses import dataclass
+
+from sim_node.control_time import CONTROL_RATE
+from sim_node.engine import DEFAULT_ENGINE, ENGINES
+from sim_node.model.body_faults import FaultsOfBody
+from sim_node.model.constants import Checked, choice, constant, flag, text_value
+from sim_node.model.material import Material
+from sim_node.model.morphology import DEFAULT_SHAPE
+from sim_node.model.sensors import SENSORS as READINGS
+from sim_node.model.solver import Solver
+from sim_node.model.terrain import DEFAULT_TERRAIN, TERRAIN_FORM
+from sim_node.ros.interface import DIAGNOSTICS, ROSOUT, NodeInterface, Parameters, Service, Topic
+
+MARKER_PERIOD = 2
+"""Control steps between two messages of the markers."""
+
+_EACH_STEP = f'every control step, {CONTROL_RATE} per simulated second'
+
+CLOCK = Topic('/clock', 'rosgraph_msgs/msg/Clock', _EACH_STEP, 'simulated time')
+ODOMETRY = Topic(
+    'odometry', 'nav_msgs/msg/Odometry', _EACH_STEP,
+    "robot's centre [m] and velocity [m/s], x forward, z up; frame `world`",
+)
+MARKERS = Topic(
+    'markers', 'visualization_msgs/msg/MarkerArray',
+    f'{CONTROL_RATE // MARKER_PERIOD} per simulated second; the ground once per simulated second',
+    'voxels coloured by area ratio, their outlines, and the ground; frame `world`',
+)
+SENSORS = Topic(
+    'sensors', 'sensor_msgs/msg/JointState', _EACH_STEP,
+    f'readings of step k: stamp k; name = {", ".join(READINGS)}; position = readings in [0, 1]',
+    of_voxel=True,
+)
+ACTUATION = Topic(
+    'actuation', 'sensor_msgs/msg/JointState', 'once for each `sensors`',
+    'answer to the `sensors` of the same stamp: name = the voxel; position = [a] in [-1, 1], '
+    '1 contracts, -1 expands',
+    of_voxel=True,
+)
+
+
+@dataclass(frozen=True)
+class BodyOptions(Checked):
+    """Which body is simulated in which world; a controller file gives other defaults.
+
+    Raises:
+        InvalidInput: a value is off.
+    """
+
+    controller: str = text_value(
+        '', 'controller file, from which morphology, terrain, material and solver come unless '
+        'parameters give others', 'path of a file, .npz',
+    )
+    morphology: str = text_value(
+        DEFAULT_SHAPE, 'shape of the robot', 'name or grid, e.g. biped, comb-7x2, 1111-1001'
+    )
+    terrain: str = text_value(DEFAULT_TERRAIN, 'ground', TERRAIN_FORM)
+    engine: str = choice(DEFAULT_ENGINE, ENGINES, 'physics engine')
+
+
+@dataclass(frozen=True)
+class RunOptions(Checked):
+    """How a simulation node runs.
+
+    Raises:
+        InvalidInput: a value is off.
+    """
+
+    duration: float = constant(
+        0.0, 0.0, 1e6, 'simulated time after which the node ends, 0 for never', 's'
+    )
+    silence_limit: float = constant(
+        10.0, 0.1, 3600.0, 'wall time in which a voxel has to answer', 's'
+    )
+    start_limit: float = constant(
+        60.0, 0.1, 3600.0, 'wall time until all voxels must have answered for the first time', 's'
+    )
+    on_silence: str = choice(
+        'stop', ('stop', 'go_on'), 'what to do about a silent voxel: end with an error that names '
+        'it, or continue without it (the voxels then need a `patience` below `silence_limit`)'
+    )
+    real_time_factor: float = constant(
+        0.0, 0.0, 100.0, 'simulated time over wall time, kept without waiting for voxels (which '
+        'need `real_time`); 0 for lock-step, as fast as all of them answer'
+    )
+    hold_limit: float = constant(
+        0.25, 0.0, 3600.0, 'real time: wall time without an answer after which a voxel goes limp; '
+        'until then it holds its last actuation; at least two steps', 's'
+    )
+    recorders: int = constant(
+        0, 0, 10, 'recorders that must listen before step 0 is published'
+    )
+    start_paused: bool = flag(False, 'wait for the service `pause` (false) or `step`')
+
+
+CONTROLLER = Parameters(BodyOptions, only=('controller',))
+WORLD = Parameters(BodyOptions, only=('morphology', 'terrain', 'engine'))
+RUN = Parameters(RunOptions)
+FAULTS = Parameters(FaultsOfBody)
+MATERIAL = Parameters(Material, 'material.')
+SOLVER = Parameters(Solver, 'solver.')
+
+RESET = Service('reset', 'std_srvs/srv/Trigger', 'put the robot down again: a new episode')
+PAUSE = Service('pause', 'std_srvs/srv/SetBool', 'pause (true) or continue (false)')
+STEP = Service('step', 'std_srvs/srv/Trigger', 'make one control step while paused')
+
+SIM_NODE = NodeInterface(
+    'sim_node', 'Simulation',
+    "Simulates the robot's body in its world: it publishes the readings of each voxel, waits for "
+    'their actuation (or, in real time, until the step is due), and makes the step.',
+    'ros2 run snca_ros sim_node --ros-args -r __ns:=/<robot> -p <parameter>:=<value>',
+    parameters=(CONTROLLER, WORLD, RUN, FAULTS, SOLVER, MATERIAL),
+    publishes=(SENSORS, ODOMETRY, MARKERS, CLOCK, DIAGNOSTICS, ROSOUT),
+    subscribes=(ACTUATION,),
+    serves=(RESET, PAUSE, STEP),
+)

@@ -1,0 +1,141 @@
+"""Parameters and topics of the voxel node, the recorder node and the live view, as declarations."""
+
+from dataclasses import astuple, dataclass
+
+from sim_node.model.constants import Checked, choice, constant, flag, text_value
+from sim_node.ros.interface import DIAGNOSTICS, ROSOUT, NodeInterface, Parameters, Topic
+from sim_node.ros.sim_interface import ACTUATION, CLOCK, MARKERS, ODOMETRY, SENSORS
+from snca_ros.cell.coding import SNN_STEPS
+from snca_ros.faults import FAULTS_OF_CELLS, Faults
+
+STORAGES = ('mcap', 'sqlite3')
+"""Storages of bags."""
+
+VIEW_RATE = 30
+"""Frames of the live view per second of wall time."""
+
+_AFTER_STEP = 'once for each `sensors`, before `actuation`'
+_ROWS = 'n_c rows (nD), or 4 n_c rows (D: those for above, left, below, right)'
+
+SPIKES = Topic(
+    'spikes', 'sensor_msgs/msg/Image', _AFTER_STEP,
+    f'message of an SNN cell to its neighbours, stamp of its step: `mono8`, {SNN_STEPS} SNN steps '
+    f'wide, {_ROWS}; 0 or 255',
+    of_voxel=True,
+)
+VALUES = Topic(
+    'values', 'sensor_msgs/msg/Image', _AFTER_STEP,
+    f'message of an MLP cell to its neighbours, stamp of its step: `64FC1`, 1 wide, {_ROWS}; '
+    'from -1 to 1',
+    of_voxel=True,
+)
+
+
+@dataclass(frozen=True)
+class VoxelOptions(Checked):
+    """How one voxel runs.
+
+    Raises:
+        InvalidInput: a value is off.
+    """
+
+    voxel: str = text_value('', "place of this voxel; default: the node's name", 'voxel_<x>_<y>')
+    controller: str = text_value(
+        '', 'controller file that holds the parameters of the cells', 'path of a file, .npz'
+    )
+    patience: float = constant(
+        0.0, 0.0, 3600.0, 'wall time to wait for a neighbour before the voxel goes on without it, '
+        '0 for ever', 's'
+    )
+    real_time: bool = flag(
+        False, 'step when sensors come, whatever neighbours have sent by then'
+    )
+    one_walk: bool = flag(False, 'end when the simulation has come and gone')
+
+
+@dataclass(frozen=True)
+class NeighborNames(Checked):
+    """Names of a voxel's neighbours, in the order of `sim_node.model.morphology.DIRECTIONS`.
+
+    Raises:
+        InvalidInput: a value is off.
+    """
+
+    above: str = text_value('', 'voxel above this one; empty for none', 'voxel_<x>_<y>')
+    left: str = text_value('', 'voxel left of this one', 'voxel_<x>_<y>')
+    below: str = text_value('', 'voxel below this one; empty for none', 'voxel_<x>_<y>')
+    right: str = text_value('', 'voxel right of this one', 'voxel_<x>_<y>')
+
+    @property
+    def by_direction(self) -> tuple[str, ...]:
+        """Return the names in the order of directions; empty where there is no neighbour."""
+        return astuple(self)
+
+
+@dataclass(frozen=True)
+class RecorderOptions(Checked):
+    """What the recorder writes.
+
+    Raises:
+        InvalidInput: a value is off.
+    """
+
+    bag: str = text_value(
+        '', 'folder of the bag to write, which must not exist; default: bags/<date>-<time>',
+        'path of a folder',
+    )
+    storage: str = choice(STORAGES[0], STORAGES, 'storage of the bag')
+
+
+@dataclass(frozen=True)
+class ViewOptions(Checked):
+    """The page of the live view, an option of `snca walk`.
+
+    Raises:
+        InvalidInput: a value is off.
+    """
+
+    view: int = constant(
+        8765, 0, 65535, 'show the walk live on a page of this machine, at this port, in real time '
+        'unless --real-time says otherwise'
+    )
+
+
+VOXEL = Parameters(VoxelOptions)
+NEIGHBORS = Parameters(NeighborNames, 'neighbor.')
+FAULTS = Parameters(Faults, only=FAULTS_OF_CELLS)
+RECORDER = Parameters(RecorderOptions)
+
+_OF_ROBOT = (SENSORS, ACTUATION, SPIKES, VALUES, ODOMETRY, MARKERS)
+
+VOXEL_NODE = NodeInterface(
+    'voxel_node', 'Voxel',
+    'Runs the cell of one voxel: when the readings of a step and the messages that its neighbours '
+    'sent one step before are there, it steps the cell, sends its message, then its actuation. '
+    'Before it joins, it listens to its own `actuation`, to learn whether another node answers '
+    'for the same voxel. The node is named after its voxel.',
+    'ros2 run snca_ros voxel_node voxel_0_0 --ros-args -r __ns:=/<robot> '
+    '-p controller:=<file>.npz -p neighbor.right:=voxel_1_0',
+    parameters=(VOXEL, NEIGHBORS, FAULTS),
+    publishes=(ACTUATION, SPIKES, VALUES, DIAGNOSTICS, ROSOUT),
+    subscribes=(SENSORS, SPIKES, VALUES, ACTUATION),
+)
+RECORDER_NODE = NodeInterface(
+    'recorder_node', 'Recorder',
+    'Writes every message of the namespace, and of the global topics below, into a rosbag2 bag; '
+    'other topics of the namespace are recorded, too, with whatever type they have.',
+    'ros2 run snca_ros recorder_node --ros-args -r __ns:=/<robot> -p bag:=<folder>',
+    parameters=(RECORDER,),
+    publishes=(DIAGNOSTICS, ROSOUT),
+    subscribes=(*_OF_ROBOT, CLOCK, DIAGNOSTICS, ROSOUT),
+)
+VIEW_NODE = NodeInterface(
+    'view', 'Live view',
+    f'Listens to a whole robot for the page of `snca walk --view`, which shows it {VIEW_RATE} '
+    'times per second of wall time. It runs in the process of that command; `ros2 run` does not '
+    'start it.',
+    'snca walk <controller> --view',
+    publishes=(DIAGNOSTICS,),
+    subscribes=(*_OF_ROBOT, DIAGNOSTICS),
+)
+NODES = (VOXEL_NODE, RECORDER_NODE, VIEW_NODE)
