@@ -10,10 +10,14 @@ DEFAULT_CONTROLLER = 'biped-U-nD-snn-h'
 
 
 def config_folders() -> list[Path]:
-    """Return the folders that hold config/, the checkout's before the installed ones."""
-    prefixes = [sys.prefix, *os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)]
+    """Return the folders that hold config/, the checkout's before the installed ones.
+
+    The prefix that this package is installed into need not be Python's: `pip install --user`.
+    """
+    own = Path(__file__).resolve().parents[1]
+    prefixes = [*map(str, own.parents[:4]), sys.prefix, *os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)]
     installed = [Path(p) / 'share' / 'snca_ros' / 'config' for p in prefixes if p]
-    return [Path(__file__).resolve().parents[1] / 'config', *installed]
+    return [own / 'config', *installed]
 
 
 def bundled_controllers() -> dict[str, Path]:

@@ -46,5 +46,5 @@ def _overview() -> str:
     lines += ['', 'ROS nodes (take --ros-args):']
     lines += [f'  {name:14}{text}' for name, (_, text) in NODES.items()]
     lines += ['', 'examples:', *EXAMPLES.strip('\n').splitlines()]
-    lines += ['', 'snca COMMAND --help tells the options of a command.']
+    lines += ['', 'snca COMMAND --help describes a command, or a node and its parameters.']
     return '\n'.join(lines)

@@ -3,9 +3,10 @@
 The nodes, the SROS 2 policy and docs/graph.md are made from them.
 """
 
+import textwrap
 from dataclasses import Field, dataclass
 
-from sim_node.model.constants import declared
+from sim_node.model.constants import declared, describe, shown
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,17 @@ class NodeInterface:
     publishes: tuple[Topic, ...] = ()
     subscribes: tuple[Topic, ...] = ()
     serves: tuple[Service, ...] = ()
+
+
+def node_help(node: NodeInterface) -> str:
+    """Return the help of a node's program: what it does, how to run it, its parameters."""
+    lines = [*textwrap.wrap(node.purpose, 88), '', f'usage: {node.run}', '', 'parameters:']
+    for group in node.parameters:
+        for name, f in group.fields.items():
+            default = f' (default {shown(f.default)})' if f.default != '' else ''
+            text = textwrap.wrap(describe(f) + default, 66)
+            lines += [f'  {name:22}{text[0]}', *(f'{"":24}{more}' for more in text[1:])]
+    return '\n'.join([*lines, '', 'docs/graph.md lists topics and services.'])
 
 
 ROSOUT = Topic('/rosout', 'rcl_interfaces/msg/Log', 'when the node logs', 'what nodes log')

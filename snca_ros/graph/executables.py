@@ -1,7 +1,9 @@
 """The ROS nodes as programs, by the names under which `ros2 run` and `snca` start them."""
 
 import signal
+from pkgutil import resolve_name
 
+from sim_node.ros.interface import node_help
 from snca_ros.command_line import exit_code, load_module
 from snca_ros.graph.child_process import end_with_parent
 
@@ -13,8 +15,19 @@ NODES = {
 """Nodes, which take --ros-args: module and what it does."""
 
 
+_INTERFACES = {
+    'sim_node': 'sim_node.ros.sim_interface:SIM_NODE',
+    'voxel_node': 'snca_ros.nodes.interfaces:VOXEL_NODE',
+    'recorder_node': 'snca_ros.nodes.interfaces:RECORDER_NODE',
+}
+
+
 def run_node(name: str, argv: list[str]) -> int:
     """Run a node in this process until it ends; return the exit code."""
+    own = argv[: argv.index('--ros-args')] if '--ros-args' in argv else argv
+    if '-h' in own or '--help' in own:
+        print(node_help(resolve_name(_INTERFACES[name])), flush=True)
+        return 0
     return exit_code(name, lambda: _run(NODES[name][0], argv))
 
 
