@@ -136,7 +136,7 @@ def test_robust_controller_has_the_best_mean_of_the_last_whole_population(file, 
         assert means[place] == means.max() == float(row['v_x_robust_chosen'])
         robust = load_controller(whole / 'results' / 'controllers' / f'{name}-robust.npz')
         assert robust.theta.tolist() == individuals[place].tolist()
-        assert robust.fitness == fitness[place] == robust.v_x[config.engine]
+        assert robust.fitness == fitness[place] == robust.scores[config.engine]
         trial = Trial(robust, 'flat', duration=1.0, transient=0.2)
         pushed = [score(replace(trial, start=i)) for i in range(101, 121)]
         assert row['robust_starts'] == '101-120'
