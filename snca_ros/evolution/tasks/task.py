@@ -71,8 +71,8 @@ class Task(ABC):
 
         Args:
             episode: what was recorded.
-            transient: how much of the episode's start is not to be scored [s], as the run says.
-                The episode may be shorter than this.
+            transient: how much of the episode's start is not to be scored [s], as the run says;
+                up to the whole episode.
         """
 
     @property

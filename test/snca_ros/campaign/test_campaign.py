@@ -96,8 +96,8 @@ def test_every_run_has_its_row_history_and_controller(file, whole):
 
 def test_every_setting_of_a_run_has_a_column():
     settings = {f.name for of in (RunConfig, Architecture, Solver) for f in fields(of)}
-    # uniform and directional are the architecture's name; no campaign changes the material.
-    assert settings - {*COLUMNS} == {'uniform', 'directional', 'material', 'solver'}
+    # uniform and directional are the architecture's name; no campaign changes material or task.
+    assert settings - {*COLUMNS} == {'uniform', 'directional', 'material', 'solver', 'task'}
 
 
 def test_speeds_are_those_of_the_controller(file, whole):
