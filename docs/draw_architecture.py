@@ -55,9 +55,10 @@ ROOMS = {
     'evolution': Room(('snca_ros.evolution.*',), ('controller',)),
     'controller': Room(
         ('snca_ros.controller', 'snca_ros.controller_file', 'snca_ros.faults', 'snca_ros.bundled'),
-        ('cell', 'simulation'),
+        ('cell', 'simulation', 'tasks'),
         'All cells of a robot, the files that hold them, and what can go wrong with them.',
     ),
+    'tasks': Room(('snca_ros.evolution.tasks.*',), ('errors',)),
     'cell': Room(('snca_ros.cell.*',), ('files', 'model')),
     'files': Room(
         ('snca_ros.files', 'snca_ros.figures', 'snca_ros.progress', 'snca_ros.command_line'),
@@ -108,13 +109,18 @@ class Module:
 
 
 def room_of(module: str) -> str | None:
-    """Return the room of a module by its full name, or None where no room lists it."""
+    """Return the room of a module by its full name, or None where no room lists it.
+
+    A folder inside the folder of another room can be a room of its own.
+    """
+    found, longest = None, ''
     for name, room in ROOMS.items():
         for listed in room.modules:
             folder = listed.removesuffix('.*')
-            if module == folder or (listed != folder and module.startswith(f'{folder}.')):
-                return name
-    return None
+            inside = module == folder or (listed != folder and module.startswith(f'{folder}.'))
+            if inside and len(folder) > len(longest):
+                found, longest = name, folder
+    return found
 
 
 def read_modules(root: Path = ROOT) -> dict[str, Module]:

@@ -15,7 +15,8 @@ def config_folders() -> list[Path]:
     The prefix that this package is installed into need not be Python's: `pip install --user`.
     """
     own = Path(__file__).resolve().parents[1]
-    prefixes = [*map(str, own.parents[:4]), sys.prefix, *os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)]
+    ament = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    prefixes = [*map(str, own.parents[:4]), sys.prefix, *ament]
     installed = [Path(p) / 'share' / 'snca_ros' / 'config' for p in prefixes if p]
     return [own / 'config', *installed]
 

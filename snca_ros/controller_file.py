@@ -24,6 +24,7 @@ from sim_node.model.terrain import DEFAULT_TERRAIN
 from snca_ros import __version__
 from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller
+from snca_ros.evolution.tasks import DEFAULT_TASK, TASKS
 from snca_ros.faults import NO_FAULTS, Faults
 from snca_ros.files import write_atomically
 
@@ -32,9 +33,10 @@ if TYPE_CHECKING:
 
 _GIT_LIMIT = 30.0  # s
 _FIELDS = (
-    'format_version', 'sensors', 'architecture', 'morphology', 'terrain', 'material', 'solver',
-    'fitness', 'seed', 'evaluations', 'versions', 'chosen_by', 'v_x',
+    'format_version', 'architecture', 'morphology', 'terrain', 'material', 'solver',
+    'fitness', 'seed', 'evaluations', 'versions', 'chosen_by', 'sensors', 'task', 'scores',
 )
+_FIELDS_1 = (*_FIELDS[:-3], 'v_x')  # of version 1: files of walks
 
 
 @dataclass(frozen=True, repr=False)
@@ -47,11 +49,15 @@ class TrainedController:
         theta: (n_parameters,) weights.
         terrain: name of the ground that they were evolved on.
         material, solver: of the simulation that they were evolved in.
-        fitness: v_x [m/s] of the episode that evolution scored.
+        fitness: score of the episode by which evolution chose them, in the unit of the task.
         chosen_by: the engine of that episode.
-        v_x: v_x [m/s] of one episode in each engine that scored it.
+        task: name of what they were evolved for, one of `snca_ros.evolution.tasks.TASKS`.
+        scores: of one episode in each engine that scored it, by the name of the engine.
         seed, evaluations: of the run that found them.
         versions: packages that were used, name to version, and 'code', see `code_version`.
+
+    Raises:
+        InvalidInput: this process knows no such task.
     """
 
     architecture: Architecture
@@ -65,15 +71,25 @@ class TrainedController:
     evaluations: int = 0
     versions: dict[str, str] = field(default_factory=dict)
     chosen_by: str = 'pymunk'
-    v_x: dict[str, float] = field(default_factory=dict)
+    task: str = DEFAULT_TASK
+    scores: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_name('task', self.task, TASKS)
 
     def __repr__(self) -> str:
         cell = self.architecture
         return (
             f'TrainedController({self.morphology.name}, {self.morphology.n_voxels} voxels, '
             f'{cell.name} {cell.neuron_model}, {len(self.theta)} parameters, evolved on '
-            f'{self.terrain} to v_x {self.fitness:.3f} m/s)'
+            f'{self.terrain} to {self.achieved})'
         )
+
+    @property
+    def achieved(self) -> str:
+        """Return the fitness with quantity and unit, such as 'v_x 8.213 m/s'."""
+        task = TASKS.find(self.task)
+        return f'{task.quantity} {task.in_unit(self.fitness)}'
 
     def controller(self, faults: Faults | None = None) -> Controller:
         """Return all cells, ready to step."""
@@ -165,7 +181,8 @@ def save_controller(path: Path | str, trained: TrainedController) -> None:
         'evaluations': int(trained.evaluations),
         'versions': trained.versions or package_versions(),
         'chosen_by': trained.chosen_by,
-        'v_x': trained.v_x,
+        'task': trained.task,
+        'scores': trained.scores,
     }
     text = np.array(json.dumps(header))
     write_atomically(
@@ -199,17 +216,19 @@ def _engine(name: Any) -> str:
     return name
 
 
-def _scores(values: Any) -> dict[str, float]:
+def _scores(values: Any, field: str) -> dict[str, float]:
     if not isinstance(values, dict):
-        raise InvalidInput('v_x', values, 'a speed per engine')
-    check_keys('v_x', values, ENGINES)
-    return {name: field_of(values, name, float, 'v_x.') for name in values}
+        raise InvalidInput(field, values, 'a score per engine')
+    check_keys(field, values, ENGINES)
+    return {name: field_of(values, name, float, f'{field}.') for name in values}
 
 
 def _checked(header: dict, theta: np.ndarray) -> TrainedController:
     check_version(header)
-    check_keys('header', header, _FIELDS)
-    cells, sensors = field_of(header, 'architecture', dict), header.get('sensors', SENSORS)
+    is_old = header['format_version'] == 1
+    check_keys('header', header, _FIELDS_1 if is_old else _FIELDS)
+    cells = field_of(header, 'architecture', dict)
+    sensors = SENSORS if is_old else field_of(header, 'sensors', list)
     architecture = Architecture.from_dict({**cells, 'sensors': sensors})
     body = body_of(header)
     expected = architecture.n_parameters(body.morphology.n_voxels)
@@ -231,5 +250,7 @@ def _checked(header: dict, theta: np.ndarray) -> TrainedController:
         evaluations=_count(header, 'evaluations'),
         versions={str(k): str(v) for k, v in field_of(header, 'versions', dict).items()},
         chosen_by=_engine(header.get('chosen_by', 'pymunk')),  # older files: none
-        v_x=_scores(header.get('v_x', {})),
+        task=DEFAULT_TASK if is_old else field_of(header, 'task', str),
+        scores=_scores(header.get('v_x', {}), 'v_x') if is_old
+        else _scores(header.get('scores'), 'scores'),
     )

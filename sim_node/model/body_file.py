@@ -18,7 +18,10 @@ from sim_node.model.morphology import Morphology, parse_morphology
 from sim_node.model.solver import Solver
 from sim_node.model.terrain import parse_terrain
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+"""Of files that are written. Those of version 1 have no task, they are walks."""
+
+_READABLE = (1, FORMAT_VERSION)
 _MAX_BYTES = 64 * 2**20
 
 
@@ -100,10 +103,10 @@ def _parsed(text: np.ndarray) -> dict:
 
 
 def check_version(header: dict) -> None:
-    """Raise InvalidInput if the header is of another version of the format."""
+    """Raise InvalidInput if the header is of a version of the format that cannot be read."""
     version = field_of(header, 'format_version', int)
-    if version != FORMAT_VERSION:
-        raise InvalidInput('format_version', version, str(FORMAT_VERSION))
+    if version not in _READABLE:
+        raise InvalidInput('format_version', version, ' or '.join(map(str, _READABLE)))
 
 
 def field_of(values: dict, name: str, kinds: type | tuple[type, ...], outer: str = '') -> Any:

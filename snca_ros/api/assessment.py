@@ -1,4 +1,4 @@
-"""Assessment from Python: v_x over terrains, starts and faults, as the `assess` command has it."""
+"""Assessment from Python: scores over terrains, starts and faults, as of `snca assess`."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -12,8 +12,15 @@ from sim_node.model.terrain import DEFAULT_TERRAIN, UNSEEN_TERRAINS, parse_terra
 from snca_ros.api.processes import worker_processes
 from snca_ros.api.robot import Robot, as_faults, load
 from snca_ros.assessment.fault_sweep import parse_sweep
-from snca_ros.assessment.trials import FAULTY_STARTS, AssessmentOptions, all_trials, run_trials
+from snca_ros.assessment.trials import (
+    FAULTY_STARTS,
+    AssessmentOptions,
+    all_trials,
+    common_task,
+    run_trials,
+)
 from snca_ros.evolution.episode import EPISODE
+from snca_ros.evolution.tasks import Task
 from snca_ros.faults import NO_FAULTS, Faults
 
 DIMS = ('robot', 'faults', 'terrain', 'start')
@@ -22,24 +29,35 @@ DIMS = ('robot', 'faults', 'terrain', 'start')
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scores:
-    """v_x of episodes, an array with names; `numpy.asarray` gives the bare numbers.
+    """Scores of episodes by the robots' task, an array with names.
+
+    `numpy.asarray` gives the bare numbers.
 
     Attributes:
-        v_x: (n_robots, n_faults, n_terrains, n_starts) [m/s]; -inf where an episode diverged.
+        values: (n_robots, n_faults, n_terrains, n_starts); -inf where an episode diverged.
         coords: names along each axis of `DIMS`: of the robots, the faults ('' is none), the
             terrains, and the numbers of the starts, of which 0 is the exact one.
+        task: tells quantity and unit of the values.
     """
 
-    v_x: np.ndarray
+    values: np.ndarray
     coords: dict[str, tuple]
+    task: Task
+
+    @property
+    def v_x(self) -> np.ndarray:
+        """Return the `values` of robots that walk [m/s]; InvalidInput if another quantity."""
+        if self.task.quantity != 'v_x':
+            raise InvalidInput('quantity', self.task.quantity, 'v_x; `values` has any quantity')
+        return self.values
 
     @property
     def dims(self) -> tuple[str, ...]:
-        """Return the names of the axes; `xarray.DataArray(scores.v_x, scores.coords, DIMS)`."""
+        """Return the names of the axes; `xarray.DataArray(scores.values, scores.coords, DIMS)`."""
         return DIMS
 
     def sel(self, **names: object) -> np.ndarray:
-        """Return the part of `v_x` with these names, without their axes.
+        """Return the part of `values` with these names, without their axes.
 
         Args:
             names: by axis, such as terrain='flat', start=0.
@@ -54,16 +72,16 @@ class Scores:
             if name not in known:
                 raise InvalidInput(dim, name, f'one of {", ".join(map(repr, known))}')
             at[DIMS.index(dim)] = known.index(name)
-        return self.v_x[tuple(at)]
+        return self.values[tuple(at)]
 
     def __array__(self, dtype=None, copy=None) -> np.ndarray:
-        return np.array(self.v_x, dtype=dtype)
+        return np.array(self.values, dtype=dtype)
 
     def __repr__(self) -> str:
-        sizes = ', '.join(f'{dim} {n}' for dim, n in zip(DIMS, self.v_x.shape, strict=True))
+        sizes = ', '.join(f'{dim} {n}' for dim, n in zip(DIMS, self.values.shape, strict=True))
         return (
-            f'Scores({sizes}: v_x {self.v_x.min():.3f} to {self.v_x.max():.3f}, mean '
-            f'{self.v_x.mean():.3f} m/s)'
+            f'Scores({sizes}: {self.task.quantity} {self.values.min():.3f} to '
+            f'{self.values.max():.3f}, mean {self.task.in_unit(self.values.mean())})'
         )
 
 
@@ -77,10 +95,10 @@ def assess(
     duration: float = EPISODE,
     workers: int = 1,
 ) -> Scores:
-    """Score robots by episodes, as `snca assess` does.
+    """Score robots by episodes, each by the task that it was evolved for, as `snca assess` does.
 
     Args:
-        robots: one or several; whatever `load` takes will do.
+        robots: one or several, of one task; whatever `load` takes will do.
         terrains: names; None for the 16 unseen ones, or with faults for 'flat'.
         starts: pushed starts beside the exact one; None for 0, or with faults for 9.
         faults: what goes wrong, see docs/robustness.md. One number may be a range,
@@ -109,15 +127,16 @@ def assess(
     for field, given in (('robots', loaded), ('terrains', grounds), ('faults', wrong)):
         if not given:
             raise InvalidInput(field, (), 'at least one')
+    task = common_task([robot.trained for robot in loaded])
     trials = all_trials(
         [robot.trained for robot in loaded], list(wrong.values()), grounds, engine, 1 + starts,
         duration,
     )
     with worker_processes(workers) as opened:
-        v_x = run_trials(opened, trials)
-    v_x = v_x.reshape(len(loaded), len(wrong), 1 + starts, len(grounds)).swapaxes(2, 3)
+        values = run_trials(opened, trials)
+    values = values.reshape(len(loaded), len(wrong), 1 + starts, len(grounds)).swapaxes(2, 3)
     names = tuple(robot.name for robot in loaded), tuple(wrong), grounds, tuple(range(1 + starts))
-    return Scores(v_x, dict(zip(DIMS, names, strict=True)))
+    return Scores(values, dict(zip(DIMS, names, strict=True)), task)
 
 
 def _all_faults(

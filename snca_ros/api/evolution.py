@@ -12,6 +12,7 @@ from snca_ros.api.robot import Robot
 from snca_ros.evolution import evolve as offline
 from snca_ros.evolution.checkpoint import HISTORY, Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
+from snca_ros.evolution.tasks import TASKS
 from snca_ros.files import RUNS
 
 _COUNTS = 'generation', 'evaluations'
@@ -26,8 +27,8 @@ class EvolutionRun:
         config: what it is.
         best: the best robot so far.
         history: (n_generations,) structured array with the fields `generation`, `evaluations`
-            (spent so far), `best`, `median`, `worst` (v_x [m/s] of the generation) and
-            `best_so_far` [m/s].
+            (spent so far), `best`, `median`, `worst` (of the generation) and
+            `best_so_far`, scores in the unit of the run's task, v_x [m/s] of a walk.
     """
 
     path: Path
@@ -37,9 +38,10 @@ class EvolutionRun:
 
     def __repr__(self) -> str:
         spent, best = self.history[-1][['evaluations', 'best_so_far']]
+        task = TASKS.find(self.config.task)
         return (
             f"EvolutionRun('{self.path}', {spent} of {self.config.evaluations} evaluations, "
-            f'best v_x {best:.3f} m/s)'
+            f'best {task.quantity} {task.in_unit(best)})'
         )
 
 
@@ -57,6 +59,7 @@ def evolve(
     seed: int | None = None,
     engine: str | None = None,
     strategy: str | None = None,
+    task: str | None = None,
     population: int | None = None,
     sigma: float | None = None,
     duration: float | None = None,
@@ -84,6 +87,8 @@ def evolve(
         evaluations: episodes to spend.
         seed: of all random numbers.
         strategy, population, sigma: of the search.
+        task: what the score of an episode is, one of `snca_ros.evolution.tasks.TASKS`. Worker
+            processes know those of this project and of the modules named by SNCA_PLUGINS.
         duration, transient: of an episode [s], and what its score ignores at the start [s].
         n_c, hidden, as_printed: of the cells, see `snca_ros.cell.architecture.Architecture`.
 
@@ -95,9 +100,9 @@ def evolve(
     given = {
         'shape': shape, 'architecture': architecture, 'neuron_model': neuron_model,
         'terrain': terrain, 'evaluations': evaluations, 'seed': seed, 'engine': engine,
-        'strategy': strategy, 'population': population, 'sigma': sigma, 'duration': duration,
-        'transient': transient, 'physics': physics, 'n_c': n_c, 'hidden': hidden,
-        'as_printed': as_printed,
+        'strategy': strategy, 'task': task, 'population': population, 'sigma': sigma,
+        'duration': duration, 'transient': transient, 'physics': physics, 'n_c': n_c,
+        'hidden': hidden, 'as_printed': as_printed,
     }
     given = {name: value for name, value in given.items() if value is not None}
 

@@ -96,8 +96,8 @@ class Robot:
         trained, cell = self.trained, self.architecture
         return (
             f"Robot('{self.name}': {self.morphology.name}, {self.morphology.n_voxels} voxels, "
-            f'{cell.name} {cell.neuron_model}, evolved on {trained.terrain} to v_x '
-            f'{trained.fitness:.3f} m/s)'
+            f'{cell.name} {cell.neuron_model}, evolved on {trained.terrain} to '
+            f'{trained.achieved})'
         )
 
 

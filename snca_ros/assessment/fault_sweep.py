@@ -1,4 +1,4 @@
-"""v_x against a fault that grows: mean and spread over starts."""
+"""Scores against a fault that grows: mean and spread over starts."""
 
 import re
 from collections.abc import Sequence
@@ -12,8 +12,9 @@ from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import EPISODE
 from snca_ros.faults import Faults, parse_faults
 
-COLUMNS = ('controller', 'faults', 'x', 'terrain', 'engine', 'start', 'v_x')
-"""Of the CSV, a row per episode; x is the value of the fault that grows."""
+COLUMNS = ('controller', 'faults', 'x', 'terrain', 'engine', 'start')
+"""Of the CSV, a row per episode, before the score, whose column is the task's quantity; x is the
+value of the fault that grows."""
 
 _NUMBER = r'\d+(?:\.\d+)?'
 _RANGE = re.compile(rf'({_NUMBER})\.\.({_NUMBER})(?:\.\.({_NUMBER}))?')
@@ -85,7 +86,7 @@ def table(names: Sequence[str], sweep: Sweep, scores: np.ndarray) -> list[str]:
     Args:
         names: of the controllers.
         sweep: what was done.
-        scores: (n_controllers, n_values, n_starts) v_x [m/s].
+        scores: (n_controllers, n_values, n_starts).
     """
     lines = [f'{sweep.label}: mean and standard deviation over {scores.shape[2]} starts']
     lines.append(f'{"x":>8}' + ''.join(f'  {name:>18}' for name in names))

@@ -7,17 +7,19 @@ from matplotlib.figure import Figure
 
 from snca_ros.assessment.fault_sweep import Sweep
 from snca_ros.assessment.trials import summary
+from snca_ros.evolution.tasks import Task
 from snca_ros.figures import legend_above
 
 
 def draw_scores(
-    controllers: Sequence[str], terrains: Sequence[str], scores: np.ndarray
+    controllers: Sequence[str], terrains: Sequence[str], scores: np.ndarray, task: Task
 ) -> Figure:
-    """Return a figure of v_x per terrain: large dots exact starts, small ones pushed starts.
+    """Return a figure of scores per terrain: large dots exact starts, small ones pushed starts.
 
     Args:
         controllers, terrains: their names.
-        scores: (n_controllers, n_terrains, 1 + n_pushed) v_x [m/s].
+        scores: (n_controllers, n_terrains, 1 + n_pushed).
+        task: what was scored.
     """
     n = len(controllers)
     figure = Figure(figsize=(7.0, 1.6 + len(terrains) * (0.2 + 0.1 * n)), layout='constrained')
@@ -27,25 +29,26 @@ def draw_scores(
         color = f'C{i % 10}'
         for pushed in of_one.T[1:]:
             axes.plot(pushed, rows, '.', color=color, markersize=4, alpha=0.4)
-        label = f'{name}: mean {of_one[:, 0].mean():.3f} m/s'
+        label = f'{name}: mean {task.in_unit(of_one[:, 0].mean())}'
         axes.plot(of_one[:, 0], rows, 'o', color=color, markersize=6, label=label)
     axes.set_yticks(range(len(terrains)), terrains, fontsize=8)
     axes.invert_yaxis()
     axes.grid(axis='x', linewidth=0.5)
-    axes.set_xlabel('v_x [m/s]')
+    axes.set_xlabel(task.label)
     legend_above(axes)
     return figure
 
 
 def draw_sweeps(
-    names: Sequence[str], sweeps: Sequence[Sweep], scores: Sequence[np.ndarray]
+    names: Sequence[str], sweeps: Sequence[Sweep], scores: Sequence[np.ndarray], task: Task
 ) -> Figure:
-    """Return a figure with a panel per sweep: mean v_x over starts, a standard deviation around.
+    """Return a figure with a panel per sweep: mean score over starts, a standard deviation around.
 
     Args:
         names: of the controllers.
         sweeps: what was done.
-        scores: (n_controllers, n_values, n_starts) v_x [m/s] of each sweep.
+        scores: (n_controllers, n_values, n_starts) of each sweep.
+        task: what was scored.
     """
     n_columns = min(3, len(sweeps))
     n_rows = -(-len(sweeps) // n_columns)
@@ -55,7 +58,7 @@ def draw_sweeps(
         axes.remove()
     for axes, sweep, of_sweep in zip(panels, sweeps, scores, strict=False):
         for i, of_one in enumerate(of_sweep):
-            pairs = [summary(v_x.tolist()) for v_x in of_one]
+            pairs = [summary(of_value.tolist()) for of_value in of_one]
             mean, std = np.array([p if np.isfinite(p).all() else (np.nan, np.nan) for p in pairs]).T
             color, label = f'C{i % 10}', names[i] if axes is panels[0] else None
             axes.plot(sweep.values, mean, '.-', color=color, label=label)
@@ -65,6 +68,6 @@ def draw_sweeps(
         axes.set_xlabel(sweep.label, fontsize=8)
         axes.tick_params(labelsize=8)
     for axes in panels[::n_columns]:
-        axes.set_ylabel('v_x [m/s]', fontsize=8)
+        axes.set_ylabel(task.label, fontsize=8)
     legend_above(panels[0], 1.04)
     return figure

@@ -17,15 +17,16 @@ from sim_node.model.terrain import MOST_TERRAIN_SEEDS
 from sim_node.numerics.jit import warm_up
 from sim_node.simulation import Simulation
 from snca_ros.controller_file import TrainedController
-from snca_ros.evolution.episode import EPISODE, LONGEST, TRANSIENT, run_episode
+from snca_ros.evolution.episode import EPISODE, LONGEST, TRANSIENT, Episode, run_episode
+from snca_ros.evolution.tasks import Task, check_task, score_of
 from snca_ros.evolution.workers import Workers
 from snca_ros.faults import NO_FAULTS, Faults
 from snca_ros.files import write_text
 
-COLUMNS = ('controller', 'terrain', 'engine', 'start', 'v_x')
-"""Of the CSV, a row per episode; start 0 is the exact one, others are pushed. Rows of a kind of
-terrain have the mean over its seeds, and those of `MEAN` that over the terrains or, of several
-seeds, over the kinds; start by start."""
+COLUMNS = ('controller', 'terrain', 'engine', 'start')
+"""Of the CSV, a row per episode, before the score, whose column is the task's quantity. Start 0 is
+the exact one, others are pushed. Rows of a kind of terrain have the mean over its seeds, and those
+of `MEAN` that over the terrains or, of several seeds, over the kinds; start by start."""
 
 MEAN = 'mean'
 
@@ -60,15 +61,21 @@ class Trial:
 
 
 def score(trial: Trial) -> float:
-    """Return v_x [m/s] of a trial; -inf if it diverged."""
+    """Return the score of a trial by the controller's task; -inf if it diverged."""
+    task = check_task(trial.trained.task)
     simulation, controller = trial.simulation(), trial.trained.controller(trial.faults)
-    name = f'trial-{trial.engine}{"-faulty" if trial.faults.affect_cells else ""}'
-    warm_up(name, lambda: run_episode(simulation, controller, 2.0 / CONTROL_RATE))
-    return run_episode(simulation, controller, trial.duration).velocity(trial.transient)
+    faulty = '-faulty' if trial.faults.affect_cells else ''
+
+    def episode(duration: float) -> Episode:
+        return run_episode(simulation, controller, duration, task.records)
+
+    name = f'trial-{trial.engine}{faulty}-{len(task.records)}'
+    warm_up(name, lambda: episode(2.0 / CONTROL_RATE))
+    return score_of(task, episode(trial.duration), trial.transient)
 
 
 def run_trials(workers: Workers, trials: Sequence[Trial]) -> np.ndarray:
-    """Return v_x [m/s] of each trial, whatever the workers."""
+    """Return the score of each trial, whatever the workers."""
     return np.array(list(workers.executor.map(score, trials)))
 
 
@@ -88,6 +95,19 @@ def all_trials(
         Trial(one, terrain, engine, start, replace(wrong, seed=wrong.seed + start), duration)
         for one, wrong, start, terrain in product(trained, faults, range(n_starts), terrains)
     ]
+
+
+def common_task(trained: Sequence[TrainedController]) -> Task:
+    """Return the task of all of some controllers, whose scores stand in one table.
+
+    Raises:
+        InvalidInput: they have several.
+    """
+    names = list(dict.fromkeys(one.task for one in trained))
+    if len(names) != 1:
+        expected = 'controllers of one task: scores of several cannot be compared'
+        raise InvalidInput('controllers', names, expected)
+    return check_task(names[0])
 
 
 @dataclass(frozen=True)
@@ -113,29 +133,32 @@ class AssessmentOptions:
             raise InvalidInput('duration', self.duration, expected)
 
 
-def means_of_kinds(kinds: dict[str, tuple[str, ...]], v_x: np.ndarray) -> np.ndarray:
+def means_of_kinds(kinds: dict[str, tuple[str, ...]], scores: np.ndarray) -> np.ndarray:
     """Return the means over the terrains of each kind, and that over the kinds, (n_kinds + 1, n).
 
     Args:
         kinds: to the names of their terrains.
-        v_x: (n_terrains, n) [m/s] of each terrain, kind by kind, and start.
+        scores: (n_terrains, n) of each terrain, kind by kind, and start.
     """
     ends = np.cumsum([len(names) for names in kinds.values()])[:-1]
-    means = np.stack([of_kind.mean(axis=0) for of_kind in np.split(v_x, ends)])
+    means = np.stack([of_kind.mean(axis=0) for of_kind in np.split(scores, ends)])
     return np.concatenate([means, means.mean(axis=0, keepdims=True)])
 
 
-def table(name: str, terrains: Sequence[str], scores: np.ndarray) -> list[str]:
+def table(
+    name: str, terrains: Sequence[str], scores: np.ndarray, quantity: str
+) -> list[str]:
     """Return the scores of one controller as lines of text.
 
     Args:
         name: of the controller.
         terrains: their names.
-        scores: (n_terrains, 1 + n_pushed) v_x [m/s]; of pushed starts mean and sample standard
-            deviation are shown.
+        scores: (n_terrains, 1 + n_pushed); of pushed starts mean and sample standard deviation
+            are shown.
+        quantity: that is scored.
     """
     n_pushed = scores.shape[1] - 1
-    head = f'{"":24}{"v_x":>9}'
+    head = f'{"":24}{quantity:>9}'
     head = f'{head}{"mean":>9}{"std":>9}  of {n_pushed} pushed starts' if n_pushed else head
     lines = [name, head]
     for terrain, (exact, *pushed) in zip(terrains, scores, strict=True):
@@ -144,10 +167,10 @@ def table(name: str, terrains: Sequence[str], scores: np.ndarray) -> list[str]:
     return lines
 
 
-def summary(v_x: Sequence[float]) -> tuple[float, float]:
+def summary(scores: Sequence[float]) -> tuple[float, float]:
     """Return mean and sample standard deviation; -inf and NaN if an episode diverged."""
     with np.errstate(invalid='ignore'):
-        return float(np.mean(v_x)), float(np.std(v_x, ddof=min(1, len(v_x) - 1)))
+        return float(np.mean(scores)), float(np.std(scores, ddof=min(1, len(scores) - 1)))
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence]) -> None:

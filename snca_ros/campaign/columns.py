@@ -1,8 +1,10 @@
 """The columns of results.csv: what a run is, what it was assessed with, and what was found."""
 
+from sim_node.errors import InvalidInput
 from sim_node.model.terrain import UNSEEN_KINDS
 from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.config import RunConfig
+from snca_ros.evolution.tasks import DEFAULT_TASK
 
 SETTINGS = (
     'run', 'shape', 'terrain', 'architecture', 'neuron_model', 'n_c', 'hidden', 'as_printed',
@@ -41,6 +43,16 @@ INTEGERS = (
 
 MAY_BE_EMPTY = (*VERSIONS, 'v_x_other', *ROBUST, 'vibration')
 """Columns that the first tables did not have, and the speed in an engine that cannot do the run."""
+
+
+def check_is_walk(config: RunConfig) -> None:
+    """Raise InvalidInput if a run has another task: the columns of results are speeds."""
+    if config.task != DEFAULT_TASK:
+        expected = (
+            f'{DEFAULT_TASK}, since a campaign is a study of walking: its columns are v_x [m/s]; '
+            f'evolve and assess have other tasks'
+        )
+        raise InvalidInput('task', config.task, expected)
 
 
 def settings_of(config: RunConfig) -> dict[str, str]:

@@ -11,7 +11,7 @@ from sim_node.errors import InvalidInput
 from sim_node.model.terrain import DEFAULT_TERRAIN_SET, TERRAIN_SETS, UNSEEN_KINDS
 from sim_node.simulation import Diverged
 from snca_ros.assessment.trials import Trial, score, summary
-from snca_ros.campaign.columns import COLUMNS, settings_of
+from snca_ros.campaign.columns import COLUMNS, check_is_walk, settings_of
 from snca_ros.controller_file import (
     TrainedController,
     load_controller,
@@ -58,8 +58,10 @@ def perform(config: RunConfig, path: Path) -> Outcome:
     All in this process, and the same whether it was stopped on the way or not.
 
     Raises:
-        InvalidInput: the folder cannot be used, or an earlier version has finished the run in it.
+        InvalidInput: the folder cannot be used, an earlier version has finished the run in it, or
+            the task is not walking.
     """
+    check_is_walk(config)
     versions = package_versions()  # asked for now, so that it is the code that is loaded
     folder = RunFolder.create_or_resume(path, config)
     try:
@@ -70,7 +72,7 @@ def perform(config: RunConfig, path: Path) -> Outcome:
         best, chosen = load_controller(path / 'best.npz'), choose_robust(config, progress)
         theta, fitness = (of_all[chosen.place] for of_all in progress.population)
         robust = replace(
-            best, theta=theta, fitness=float(fitness), v_x={config.engine: float(fitness)},
+            best, theta=theta, fitness=float(fitness), scores={config.engine: float(fitness)},
             versions=versions,
         )
         save_controller(path / 'robust.npz', robust)
@@ -120,8 +122,8 @@ def _of_the_best(config: RunConfig, best: TrainedController) -> dict[str, object
     return {
         'terrain_set': DEFAULT_TERRAIN_SET,
         'chosen_by': best.chosen_by,
-        'v_x_end': best.v_x[config.engine],
-        'v_x_other': best.v_x.get(config.other_engine, ''),
+        'v_x_end': best.scores[config.engine],
+        'v_x_other': best.scores.get(config.other_engine, ''),
         'starts': _format_starts(STARTS), 'v_x_pushed_mean': mean, 'v_x_pushed_std': deviation,
         'v_x_unseen': summary(unseen)[0], **dict(zip(UNSEEN_KINDS, unseen, strict=True)),
         'frequency': dominant_frequency(steady), 'vibration': vibration_share(steady),

@@ -8,6 +8,7 @@ from typing import Any
 from sim_node.errors import InvalidInput, check_keys
 from sim_node.model.physics import DEFAULT_PHYSICS
 from sim_node.model.solver import Solver
+from snca_ros.campaign.columns import check_is_walk
 from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.config import RunConfig
 from snca_ros.files import read_yaml
@@ -15,7 +16,7 @@ from snca_ros.files import read_yaml
 _NEEDED = ('shape', 'architecture', 'neuron_model')
 _KEYS = (
     *_NEEDED, 'as_printed', 'terrain', 'evaluations', 'seed', 'population', 'sigma',
-    'duration', 'transient', 'engine', 'strategy', 'physics',
+    'duration', 'transient', 'engine', 'strategy', 'physics', 'task',
 )
 
 
@@ -70,4 +71,6 @@ def _run(
     physics: Any = DEFAULT_PHYSICS, **options: Any,
 ) -> RunConfig:
     cells = Architecture.named(architecture, neuron_model, as_printed=as_printed)
-    return RunConfig(shape, cells, solver=Solver(physics=physics), **options)
+    config = RunConfig(shape, cells, solver=Solver(physics=physics), **options)
+    check_is_walk(config)
+    return config

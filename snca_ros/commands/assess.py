@@ -25,6 +25,7 @@ from snca_ros.assessment.trials import (
     MEAN,
     AssessmentOptions,
     Trial,
+    common_task,
     means_of_kinds,
     run_trials,
     table,
@@ -34,6 +35,7 @@ from snca_ros.bundled import find_controller
 from snca_ros.commands.declared_options import add_option
 from snca_ros.commands.worker_options import add_worker_arguments, open_workers
 from snca_ros.controller_file import TrainedController, load_controller
+from snca_ros.evolution.tasks import Task
 from snca_ros.evolution.workers import Workers
 from snca_ros.files import check_writable
 
@@ -88,31 +90,33 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     trained = [load_controller(find_controller(name)) for name in args.controllers]
     for controller in trained:
         check_engine(args.engine, controller.solver)
+    task = common_task(trained)
     if args.faults:
-        return _assess_faults(args, trained, terrains, opened)
+        return _assess_faults(args, trained, terrains, opened, task)
     trials = [
         Trial(controller, terrain, args.engine, start, duration=args.duration)
         for controller, terrain, start in product(trained, terrains, range(1 + args.starts))
     ]
     with opened as workers:
-        v_x = run_trials(workers, trials)
-    episodes = v_x.reshape(len(trained), len(terrains), 1 + args.starts)
+        found = run_trials(workers, trials)
+    episodes = found.reshape(len(trained), len(terrains), 1 + args.starts)
     scores = np.stack([means_of_kinds(kinds, of_one) for of_one in episodes])
     names = [*kinds, MEAN]
-    print(f'v_x [m/s] of episodes of {args.duration:g} s in the {args.engine} engine')
+    print(f'{task.label} of episodes of {args.duration:g} s in the {args.engine} engine')
     for name, of_one in zip(args.controllers, scores, strict=True):
-        print('\n'.join(['', *table(name, names, of_one)]), flush=True)
+        print('\n'.join(['', *table(name, names, of_one, task.quantity)]), flush=True)
     if args.csv:
         means = [i for i, name in enumerate(names) if name not in terrains]
         rows = [*terrains, *(names[i] for i in means)]
         each = product(args.controllers, rows, [args.engine], range(1 + args.starts))
-        v_x = np.concatenate([episodes, scores[:, means]], axis=1).ravel()
-        write_csv(args.csv, COLUMNS, [(*e, v) for e, v in zip(each, v_x.tolist(), strict=True)])
+        written = np.concatenate([episodes, scores[:, means]], axis=1).ravel().tolist()
+        table_rows = [(*e, v) for e, v in zip(each, written, strict=True)]
+        write_csv(args.csv, (*COLUMNS, task.quantity), table_rows)
     if args.figure:
         from snca_ros.assessment.figures import draw_scores
         from snca_ros.figures import write_figure
 
-        write_figure(draw_scores(args.controllers, names, scores), args.figure)
+        write_figure(draw_scores(args.controllers, names, scores, task), args.figure)
     return 0
 
 
@@ -140,6 +144,7 @@ def _assess_faults(
     trained: Sequence[TrainedController],
     terrains: Sequence[str],
     opened: AbstractContextManager[Workers],
+    task: Task,
 ) -> int:
     """Sweep as the command line says; return the exit code."""
     sweeps = [parse_sweep(text) for text in args.faults]
@@ -149,22 +154,22 @@ def _assess_faults(
     with opened as workers:
         for sweep in sweeps:
             trials = sweep_trials(trained, sweep, terrains, args.engine, n_starts, args.duration)
-            v_x = run_trials(workers, trials)
+            found = run_trials(workers, trials)
             shape = len(trained), len(sweep.values), n_starts, len(terrains)
-            scores.append(v_x.reshape(shape).mean(axis=3))
+            scores.append(found.reshape(shape).mean(axis=3))
             lines = fault_sweep.table(args.controllers, sweep, scores[-1])
             print('\n'.join(lines), end='\n\n', flush=True)
             points = product(args.controllers, sweep.values)
             at = [point for point in points for _ in range(n_starts * len(terrains))]
             rows += [
                 (name, sweep.text, x, trial.terrain, trial.engine, trial.start, v)
-                for (name, x), trial, v in zip(at, trials, v_x.tolist(), strict=True)
+                for (name, x), trial, v in zip(at, trials, found.tolist(), strict=True)
             ]
     if args.csv:
-        write_csv(args.csv, fault_sweep.COLUMNS, rows)
+        write_csv(args.csv, (*fault_sweep.COLUMNS, task.quantity), rows)
     if args.figure:
         from snca_ros.assessment.figures import draw_sweeps
         from snca_ros.figures import write_figure
 
-        write_figure(draw_sweeps(args.controllers, sweeps, scores), args.figure)
+        write_figure(draw_sweeps(args.controllers, sweeps, scores, task), args.figure)
     return 0

@@ -18,6 +18,7 @@ from snca_ros.cell.architecture import ARCHITECTURES
 from snca_ros.cell.models import NEURON_MODELS
 from snca_ros.commands import COMMANDS, load_command
 from snca_ros.evolution.strategies import STRATEGIES
+from snca_ros.evolution.tasks import TASKS
 from snca_ros.graph.executables import NODES
 
 EXAMPLES = """
@@ -53,7 +54,8 @@ def _add_choices(command: argparse.ArgumentParser) -> None:
     file = shtab.Choice('file')
     choices = {
         'shape': SHAPES, 'architecture': ARCHITECTURES, 'neuron_model': NEURON_MODELS,
-        'engine': ENGINES, 'strategy': STRATEGIES, 'terrain': ('flat', *UNSEEN_TERRAINS),
+        'engine': ENGINES, 'strategy': STRATEGIES, 'task': TASKS,
+        'terrain': ('flat', *UNSEEN_TERRAINS),
         'controller': (file, *bundled_controllers()), 'controllers': (file, *bundled_controllers()),
         'source': (file, *bundled_controllers()), 'shell': shtab.SUPPORTED_SHELLS,
     }

@@ -19,6 +19,7 @@ from snca_ros.commands.worker_options import add_worker_arguments, open_workers
 from snca_ros.evolution.checkpoint import Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evolve import evolve
+from snca_ros.evolution.tasks import TASKS, Task
 from snca_ros.files import RUNS
 from snca_ros.progress import StatusLine, TimeLeft, bars
 
@@ -32,16 +33,23 @@ EXAMPLES = """
 _OF_THE_CELL = ('n_c', 'hidden', 'as_printed')
 _OF_THE_RUN = (
     'terrain', 'evaluations', 'seed', 'population', 'sigma', 'duration', 'transient', 'engine',
-    'strategy',
+    'strategy', 'task',
 )
 _OF_THE_SOLVER = ('physics',)
 _TEXT_WIDTH, _SHORTEST_BAR, _LONGEST_BAR = 71, 8, 40  # of the progress line [characters]
 
 
 class ProgressLine:
-    """Shows how far a run is; on a terminal with a bar that is the best v_x so far, drawn."""
+    """Shows how far a run is; on a terminal with a bar that is the best score so far, drawn.
 
-    def __init__(self, total: int, done: int) -> None:
+    Args:
+        total: evaluations of the run.
+        done: those that are spent already.
+        task: of the run.
+    """
+
+    def __init__(self, total: int, done: int, task: Task) -> None:
+        self._unit = task.unit
         self._line = StatusLine()
         self._left = TimeLeft(total, done)
 
@@ -51,14 +59,14 @@ class ProgressLine:
         _, _, best, median, worst, best_so_far = progress.history[-1]
         text = (
             f'{self._left.describe(done)}  best {best_so_far:.2f}  median {median:.2f} '
-            f'({worst:.2f}…{best:.2f}) m/s'
-        )
+            f'({worst:.2f}…{best:.2f}) {self._unit}'
+        ).rstrip()
         bar = self._bar(progress)
         head = f'{bar}  {100 * done // total} %' if bar else f'{done}/{total} evaluations'
         self._line.show(f'{head}  {text}', last=done >= total)
 
     def _bar(self, progress: Progress) -> str:
-        """Return the best v_x so far over the evaluations, up to now; '' where it has no room."""
+        """Return the best score so far over the evaluations, up to now; '' where it has no room."""
         width = min(self._line.width - _TEXT_WIDTH, _LONGEST_BAR)
         if width < _SHORTEST_BAR:
             return ''
@@ -126,9 +134,10 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         folder = RunFolder.create(args.run or RUNS / config.name, config)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     print(f'{folder.path}: {_describe(folder.config)}', file=sys.stderr)
+    task = TASKS.find(folder.config.task)
     try:
         done = folder.load().evaluations
-        line = ProgressLine(folder.config.evaluations, done)
+        line = ProgressLine(folder.config.evaluations, done, task)
         with opened as workers:
             progress = evolve(folder, workers, line)
     except KeyboardInterrupt:
@@ -143,10 +152,10 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         return 1
     finally:
         folder.close()
-    _, chosen_by, v_x = progress.chosen(folder.config)
-    scores = ', '.join(f'{v:.4f} m/s in {engine}' for engine, v in v_x.items())
+    _, chosen_by, found = progress.chosen(folder.config)
+    scores = ', '.join(f'{task.in_unit(v, 4)} in {engine}' for engine, v in found.items())
     print(
-        f'{folder.path / "best.npz"}: v_x {scores}, one episode each '
+        f'{folder.path / "best.npz"}: {task.quantity} {scores}, one episode each '
         f'(chosen by {chosen_by}), {progress.evaluations} evaluations'
     )
     return 0
@@ -158,5 +167,5 @@ def _describe(config: RunConfig) -> str:
         f'{config.shape} on {config.terrain}, {cell.name} {cell.neuron_model}'
         f'{" as printed" if cell.as_printed else ""}, layers {cell.layer_sizes}, '
         f'{config.n_parameters} parameters, seed {config.seed}, {config.engine} engine, '
-        f'{config.solver.physics} physics'
+        f'{config.solver.physics} physics, task {config.task}'
     )

@@ -55,4 +55,5 @@ def _draw(histories: Sequence[History], path: Path) -> None:
     from snca_ros.figures import write_figure
 
     names, tables = [h.name for h in histories], [h.rows for h in histories]
-    write_figure(draw_histories(names, tables), path)
+    label = ', '.join(dict.fromkeys(h.label for h in histories))
+    write_figure(draw_histories(names, tables, label), path)

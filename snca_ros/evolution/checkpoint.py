@@ -19,7 +19,8 @@ from snca_ros.evolution.strategies import STRATEGIES
 from snca_ros.files import LOCK, hold_folder, write_atomically, write_text
 
 HISTORY = ('generation', 'evaluations', 'best', 'median', 'worst', 'best_so_far')
-"""Columns of history.csv; fitness values are v_x [m/s] of the generation's evaluations."""
+"""Columns of history.csv; fitness values are scores of the generation's evaluations, in the
+unit of the run's task."""
 
 
 def _unwritable(path: Path, error: OSError) -> InvalidInput:
@@ -51,8 +52,8 @@ class Progress:
         history: a row of `HISTORY` per generation.
         whole: individuals and fitness, the best first, of the last population whose generation was
             whole, if the budget has cut the last generation short; else None.
-        v_x_other: v_x [m/s] of the best individual in the engine that the run does not evolve in;
-            NaN if that engine cannot run it, None before the end.
+        score_other: of the best individual in the engine that the run does not evolve in; NaN if
+            that engine cannot run it, None before the end.
         by_old_rules: whether an earlier version has finished the run: it kept no `whole`
             population, and chose among the best quarter of a batched run by `reassessed`.
         reassessed: v_x [m/s] of that quarter in the pymunk engine, best of the run's engine first;
@@ -62,7 +63,7 @@ class Progress:
     strategy: dict[str, np.ndarray] = field(default_factory=dict)
     history: list[tuple[float, ...]] = field(default_factory=list)
     whole: tuple[np.ndarray, np.ndarray] | None = None
-    v_x_other: float | None = None
+    score_other: float | None = None
     by_old_rules: bool = False
     reassessed: np.ndarray = field(default_factory=lambda: np.empty(0))
 
@@ -80,7 +81,7 @@ class Progress:
         return self.whole or (self.strategy['individuals'], self.strategy['fitness'])
 
     def chosen(self, config: RunConfig) -> tuple[int, str, dict[str, float]]:
-        """Return the number of the best individual, the engine that says so, and its v_x in each.
+        """Return the number of the best individual, the engine that says so, and its score in each.
 
         Args:
             config: of the run.
@@ -89,10 +90,10 @@ class Progress:
         if len(self.reassessed):
             i = int(np.argmax(self.reassessed))
             return i, 'pymunk', {engine: float(fitness[i]), 'pymunk': float(self.reassessed[i])}
-        v_x = {engine: float(fitness[0])}
-        if self.v_x_other is not None and not np.isnan(self.v_x_other):
-            v_x[config.other_engine] = self.v_x_other
-        return 0, engine, v_x
+        scores = {engine: float(fitness[0])}
+        if self.score_other is not None and not np.isnan(self.score_other):
+            scores[config.other_engine] = self.score_other
+        return 0, engine, scores
 
 
 class RunFolder:
@@ -175,7 +176,7 @@ class RunFolder:
         progress = Progress(
             arrays, [tuple(row) for row in rows.tolist()],
             whole=(whole[0], whole[1]) if len(whole[0]) else None,
-            v_x_other=float(other[0]) if len(other) else None,
+            score_other=float(other[0]) if len(other) else None,
             reassessed=reassessed,
         )
         return replace(progress, by_old_rules=old and self._spent(progress))
@@ -224,11 +225,12 @@ class RunFolder:
     def save(self, progress: Progress) -> None:
         """Replace the checkpoint, then history.csv and best.npz."""
         whole = progress.whole or (np.empty((0, self.config.n_parameters)), np.empty(0))
+        other = progress.score_other
         arrays = {
             **progress.strategy,
             'history': np.array(progress.history),
             'population': whole[0], 'population_fitness': whole[1],
-            'other_engine': np.array([] if progress.v_x_other is None else [progress.v_x_other]),
+            'other_engine': np.array([] if other is None else [other]),
         }
         write_atomically(
             self.path / 'checkpoint.npz',
@@ -254,7 +256,7 @@ class RunFolder:
     def best(self, progress: Progress) -> TrainedController:
         """Return what best.npz holds when the run stands at `progress`."""
         config = self.config
-        best, chosen_by, v_x = progress.chosen(config)
+        best, chosen_by, scores = progress.chosen(config)
         return TrainedController(
             architecture=config.architecture,
             morphology=parse_morphology(config.shape),
@@ -262,11 +264,12 @@ class RunFolder:
             terrain=config.terrain,
             material=config.material,
             solver=config.solver,
-            fitness=v_x[chosen_by],
+            fitness=scores[chosen_by],
             seed=config.seed,
             evaluations=progress.evaluations,
             chosen_by=chosen_by,
-            v_x=v_x,
+            task=config.task,
+            scores=scores,
         )
 
     def close(self) -> None:

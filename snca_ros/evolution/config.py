@@ -19,6 +19,7 @@ from snca_ros.cell.architecture import DEFAULT_ARCHITECTURE, Architecture
 from snca_ros.cell.models import DEFAULT_NEURON_MODEL
 from snca_ros.evolution.episode import EPISODE, LONGEST, TRANSIENT
 from snca_ros.evolution.strategies import DEFAULT_STRATEGY, STRATEGIES, Strategy
+from snca_ros.evolution.tasks import DEFAULT_TASK, TASKS, check_task
 from snca_ros.files import read_yaml
 
 
@@ -52,6 +53,7 @@ class RunConfig:
     solver: Solver = field(default_factory=Solver)
     engine: str = choice(DEFAULT_ENGINE, ENGINES, 'physics engine in which episodes are scored')
     strategy: str = choice(DEFAULT_STRATEGY, STRATEGIES, 'optimiser')
+    task: str = choice(DEFAULT_TASK, TASKS, 'what the score of an episode is')
 
     def __post_init__(self) -> None:
         parse_morphology(self.shape)
@@ -61,6 +63,7 @@ class RunConfig:
             expected = f'a number from 0 to {self.duration:g} [s], the duration'
             raise InvalidInput('transient', self.transient, expected)
         check_engine(self.engine, self.solver)
+        check_task(self.task)
 
     def simulation(self, push: int = 0) -> Simulation:
         """Return the simulation of an episode, from a pushed start if `push` is not 0."""
@@ -91,6 +94,8 @@ class RunConfig:
         if cell.hidden != usual.hidden:
             parts.append(f'hidden{"x".join(map(str, cell.hidden)) or 0}')
         parts.append(self.terrain)
+        if self.task != DEFAULT_TASK:
+            parts.append(self.task)
         if self.engine != DEFAULT_ENGINE:
             parts.append(self.engine)
         if self.strategy != DEFAULT_STRATEGY:

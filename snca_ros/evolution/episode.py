@@ -1,30 +1,60 @@
-"""The task: walk to the right. One episode gives v_x, the fitness."""
+"""One episode of one robot: its centre of mass, and what a task asks for, at each control step."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
 import numpy as np
 
 from sim_node.control_time import CONTROL_RATE
 from sim_node.engine import Engine
+from sim_node.errors import check_name
 from sim_node.model.sensors import center_of_mass
 from sim_node.munk2d.engine import PymunkEngine, move_disturbed
 from sim_node.numerics.jit import compiled
 from sim_node.simulation import Diverged, Simulation
 from snca_ros.controller import Controller, step_all, step_all_faulty
+from snca_ros.evolution.tasks.task import RECORDS, TRANSIENT, Episode, mean_velocity
 
-EPISODE, TRANSIENT = 30.0, 5.0
-"""Length of an episode [s], and what is discarded at its start [s] (paper, section 4.1)."""
+__all__ = [
+    'EPISODE', 'EPISODE_RUNNERS', 'LONGEST', 'TRANSIENT', 'Episode', 'Records', 'mean_velocity',
+    'record', 'run_compiled', 'run_episode', 'run_step_by_step',
+]
+
+EPISODE = 30.0
+"""Length of an episode [s] (paper, section 4.1)."""
 
 LONGEST = 3600.0
 """Longest episode that is accepted [s]."""
 
 
+class Records(NamedTuple):
+    """What compiled code records beside the centres of mass."""
+
+    sources: tuple[np.ndarray, ...]  # arrays of the engine, (n_voxels,) or in lanes (n_voxels, W)
+    rows: np.ndarray  # (n_sources, n_steps, *shape of a source), written
+
+
+    @classmethod
+    def of(cls, sources: Iterable[np.ndarray], n_steps: int) -> 'Records | None':
+        """Return room for what the sources hold after each control step; None without sources."""
+        found = tuple(sources)
+        if not found:
+            return None
+        return cls(found, np.empty((len(found), n_steps, *found[0].shape)))
+
+
 @compiled
-def _walk(world, cells, neighbors, n_steps, disturbance, faults, centers):
+def record(records, k):
+    """Copy what the sources hold after control step `k`."""
+    for i in range(len(records.sources)):
+        records.rows[i, k] = records.sources[i]
+
+
+@compiled
+def _walk(world, cells, neighbors, n_steps, disturbance, faults, centers, records):
     """Run a whole episode; write `centers` (n_steps + 1, 2); return the steps that were sane.
 
-    Without `faults`, None, what they cost is not even compiled.
+    Without `faults` or `records`, None, what they cost is not even compiled.
     """
     actuation = np.zeros(neighbors.shape[0])
     centers[0] = center_of_mass(world.masses)
@@ -36,63 +66,65 @@ def _walk(world, cells, neighbors, n_steps, disturbance, faults, centers):
         if not move_disturbed(world, actuation, k + 1, disturbance, k):
             return k
         centers[k + 1] = center_of_mass(world.masses)
+        if records is not None:
+            record(records, k)
     return n_steps
 
 
-@dataclass(frozen=True)
-class Episode:
-    """What an episode left behind.
-
-    Attributes:
-        centers: (n + 1, 2) centre of mass [m] at each control step.
-        diverged: the physics left the finite numbers before the end.
-    """
-
-    centers: np.ndarray
-    diverged: bool
-
-    def velocity(self, transient: float = TRANSIENT) -> float:
-        """Return v_x [m/s] after `transient` seconds, or -inf if the episode diverged."""
-        return -np.inf if self.diverged else mean_velocity(self.centers[:, 0], transient)
-
-
-def mean_velocity(x: np.ndarray, transient: float = TRANSIENT) -> float:
-    """Return the mean velocity [m/s] of positions `x` [m], one per control step from step 0."""
-    first = round(transient * CONTROL_RATE)
-    if len(x) <= first + 1:
-        first = 0
-    if len(x) < 2:
-        return 0.0
-    return float((x[-1] - x[first]) / ((len(x) - 1 - first) / CONTROL_RATE))
-
-
 def run_episode(
-    simulation: Simulation, controller: Controller, duration: float = EPISODE
+    simulation: Simulation,
+    controller: Controller,
+    duration: float = EPISODE,
+    records: tuple[str, ...] = (),
 ) -> Episode:
-    """Let `controller` walk `simulation`'s robot from its start for `duration` seconds."""
+    """Let `controller` walk `simulation`'s robot from its start for `duration` seconds.
+
+    Args:
+        simulation: of the robot.
+        controller: all its cells.
+        duration: of the episode [s].
+        records: what to keep beside the centres of mass, names of `tasks.task.RECORDS`.
+
+    Raises:
+        InvalidInput: there is no such record.
+    """
+    for name in records:
+        check_name('records', name, RECORDS)
     run = EPISODE_RUNNERS.get(type(simulation.backend), run_step_by_step)
-    return run(simulation, controller, round(duration * CONTROL_RATE))
+    return run(simulation, controller, round(duration * CONTROL_RATE), records)
 
 
-def run_step_by_step(simulation: Simulation, controller: Controller, n_steps: int) -> Episode:
+def run_step_by_step(
+    simulation: Simulation, controller: Controller, n_steps: int, records: tuple[str, ...] = ()
+) -> Episode:
     """Run an episode of `n_steps` control steps, in any engine."""
     readings = simulation.reset()
     controller.reset()
     centers = [simulation.center]
-    try:
-        for _ in range(n_steps):
+    rows = {name: np.empty((n_steps, simulation.morphology.n_voxels)) for name in records}
+    diverged = False
+    for k in range(n_steps):
+        try:
             readings = simulation.step(controller.step(readings))
-            centers.append(simulation.center)
-    except Diverged:
-        return Episode(np.array(centers), diverged=True)
-    return Episode(np.array(centers), diverged=False)
+        except Diverged:
+            diverged = True
+            break
+        centers.append(simulation.center)
+        for name, array in rows.items():
+            array[k] = getattr(simulation.world, name)
+    done = len(centers) - 1
+    kept = {name: array[:done] for name, array in rows.items()}
+    return Episode(np.array(centers), diverged, records=kept)
 
 
-def run_compiled(simulation: Simulation, controller: Controller, n_steps: int) -> Episode:
+def run_compiled(
+    simulation: Simulation, controller: Controller, n_steps: int, records: tuple[str, ...] = ()
+) -> Episode:
     """Run the same in pymunk as one compiled loop."""
     simulation.reset()
     controller.reset()
     centers = np.empty((n_steps + 1, 2))
+    recorded = Records.of((getattr(simulation.world, name) for name in records), n_steps)
     done = _walk(
         simulation.world,
         controller.cells.state,
@@ -101,12 +133,17 @@ def run_compiled(simulation: Simulation, controller: Controller, n_steps: int) -
         simulation.disturbance(n_steps),
         controller.fault_tables(n_steps),
         centers,
+        recorded,
     )
     simulation.step_count = controller.step_count = done
-    return Episode(centers[: done + 1], diverged=done < n_steps)
+    rows = recorded.rows[:, :done] if recorded else ()
+    kept = dict(zip(records, rows, strict=True))
+    return Episode(centers[: done + 1], done < n_steps, records=kept)
 
 
-EPISODE_RUNNERS: dict[type[Engine], Callable[[Simulation, Controller, int], Episode]] = {
+EPISODE_RUNNERS: dict[
+    type[Engine], Callable[[Simulation, Controller, int, tuple[str, ...]], Episode]
+] = {
     PymunkEngine: run_compiled,
 }
 """Engines whose episodes have a faster way than `run_step_by_step`, which must give the same bits.

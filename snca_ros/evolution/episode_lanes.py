@@ -10,17 +10,23 @@ from sim_node.numerics.jit import compiled
 from snca_ros.cell.architecture import Architecture
 from snca_ros.cell.cell_lanes import make_cells, step_group
 from snca_ros.evolution.config import RunConfig
-from snca_ros.evolution.episode import EPISODE, Episode
+from snca_ros.evolution.episode import EPISODE, Episode, Records, record
+from snca_ros.evolution.tasks import check_task
 
 
 @compiled
-def _walk(group, cells, centers, done):
-    """Run whole episodes; write `centers` (n_steps + 1, 2, W) and the steps `done` (W,)."""
+def _walk(group, cells, centers, done, records):
+    """Run whole episodes; write `centers` (n_steps + 1, 2, W) and the steps `done` (W,).
+
+    Without `records`, None, what they cost is not even compiled.
+    """
     _write_centers(group.mass_lanes, centers[0])
     for k in range(centers.shape[0] - 1):
         step_group(cells, group.readings, k, group.actuation)
         advance_group(group, k + 1)
         _write_centers(group.mass_lanes, centers[k + 1])
+        if records is not None:
+            record(records, k)
         for lane in range(done.shape[0]):
             if done[lane] == k and group.sane_lanes[0, 0, lane] > 0.0:
                 done[lane] = k + 1
@@ -45,6 +51,7 @@ def run_episodes(
     thetas: np.ndarray,
     duration: float = EPISODE,
     push: int | None = None,
+    records: tuple[str, ...] = (),
 ) -> list[Episode]:
     """Let each of up to W controllers walk a robot of its own from the start.
 
@@ -55,6 +62,7 @@ def run_episodes(
         thetas: (n, n_parameters), a controller per row, n <= W. Other lanes' weights are 0.
         duration: of the episodes [s].
         push: of the start, see `Robots.reset`.
+        records: what to keep beside the centres of mass, as of `run_episode`.
 
     Returns:
         An episode per controller; each is the same, to the bit, whatever the others are.
@@ -65,11 +73,17 @@ def run_episodes(
     centers = np.empty((n_steps + 1, 2, width))
     done = np.zeros(width, dtype=np.int64)
     robots.reset(push)
-    _walk(robots.group, cells, centers, done)
+    lanes = (getattr(robots.group, name)['lane'][:, 0] for name in records)
+    recorded = Records.of(lanes, n_steps)
+    _walk(robots.group, cells, centers, done, recorded)
     robots.step_count = n_steps
+    rows = recorded.rows if recorded else ()
     return [
-        Episode(centers[: done[lane] + 1, :, lane], diverged=bool(done[lane] < n_steps))
-        for lane in range(len(thetas))
+        Episode(
+            centers[: n + 1, :, lane], diverged=n < n_steps,
+            records={name: of_it[:n, :, lane] for name, of_it in zip(records, rows, strict=True)},
+        )
+        for lane, n in enumerate(done[: len(thetas)].tolist())
     ]
 
 
@@ -81,7 +95,7 @@ class SideBySide:
     """
 
     def __init__(self, config: RunConfig) -> None:
-        self._config = config
+        self._config, self._records = config, check_task(config.task).records
         self._morphology = parse_morphology(config.shape)
         self._terrain = parse_terrain(config.terrain)
         self._robots: dict[int, Robots] = {}
@@ -96,5 +110,6 @@ class SideBySide:
                 morphology, self._terrain, config.material, config.solver, width
             )
         return run_episodes(
-            self._robots[width], config.architecture, morphology, thetas, duration, push
+            self._robots[width], config.architecture, morphology, thetas, duration, push,
+            self._records,
         )

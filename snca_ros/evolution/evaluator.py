@@ -1,4 +1,4 @@
-"""Scores of candidates: a task for any worker, the same numbers wherever it runs."""
+"""Scores of candidates, computed by any worker, the same numbers wherever it runs."""
 
 import functools
 import threading
@@ -15,6 +15,7 @@ from snca_ros.controller import Controller
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.episode import Episode, run_episode
 from snca_ros.evolution.episode_lanes import SideBySide
+from snca_ros.evolution.tasks import check_task, score_of
 from snca_ros.evolution.workers import Workers
 
 
@@ -43,6 +44,7 @@ class OneByOne:
 
     def __init__(self, config: RunConfig) -> None:
         self._config, self._simulation = config, config.simulation()
+        self._records = check_task(config.task).records
 
     def __call__(
         self, thetas: np.ndarray, width: int, duration: float, push: int
@@ -51,7 +53,7 @@ class OneByOne:
         simulation = self._config.simulation(push) if push else self._simulation
         for theta in thetas:
             controller = Controller(self._config.architecture, simulation.morphology, theta)
-            yield run_episode(simulation, controller, duration)
+            yield run_episode(simulation, controller, duration, self._records)
 
 
 GROUP_RUNNERS: dict[type[Engine], Callable[[RunConfig], GroupRunner]] = {
@@ -61,19 +63,19 @@ GROUP_RUNNERS: dict[type[Engine], Callable[[RunConfig], GroupRunner]] = {
 
 
 class Evaluator:
-    """Scores candidates of one run, one episode each, in the engine of its configuration.
+    """Scores candidates of one run by its task, one episode each, in the engine of the run.
 
     A score depends on the candidate, the configuration and the start alone, not on the companions.
     """
 
     def __init__(self, config: RunConfig) -> None:
-        self.config = config
+        self.config, self._task = config, check_task(config.task)
         engine = ENGINES.find(config.engine)
         self._lanes, self._run = engine.lanes, GROUP_RUNNERS.get(engine, OneByOne)(config)
         self._ready: set[int] = set()
 
     def __call__(self, thetas: np.ndarray, push: int = 0) -> list[float]:
-        """Return v_x [m/s] of each of (n, n_parameters) candidates; -inf if it diverged.
+        """Return the score of each of (n, n_parameters) candidates; -inf if it diverged.
 
         Args:
             thetas: the candidates. If the engine steps robots side by side, n is at most the last
@@ -82,11 +84,11 @@ class Evaluator:
         """
         config, width = self.config, group_width(self._lanes, len(thetas))
         if width not in self._ready:  # of many workers on a machine only one compiles
-            name = f'episode-{config.engine}-{width}'
+            name = f'episode-{config.engine}-{width}-{len(self._task.records)}'
             warm_up(name, lambda: list(self._run(thetas, width, 2.0 / CONTROL_RATE, 0)))
             self._ready.add(width)
         episodes = self._run(thetas, width, config.duration, push)
-        return [episode.velocity(config.transient) for episode in episodes]
+        return [score_of(self._task, episode, config.transient) for episode in episodes]
 
 
 def group_width(lanes: Sequence[int], n: int) -> int:

@@ -33,15 +33,15 @@ def evolve(
     progress = folder.load()
     if progress.evaluations < config.evaluations:
         progress = _spend(folder, progress, workers, report)
-    if progress.v_x_other is None and not progress.by_old_rules:
+    if progress.score_other is None and not progress.by_old_rules:
         best = progress.strategy['individuals'][:1]
-        progress = replace(progress, v_x_other=_in_the_other_engine(config, best, workers))
+        progress = replace(progress, score_other=_in_the_other_engine(config, best, workers))
         folder.save(progress)
     return progress
 
 
 def _in_the_other_engine(config: RunConfig, best: np.ndarray, workers: Workers) -> float:
-    """Return v_x [m/s] of one candidate, (1, n_parameters); NaN if the engine cannot run it."""
+    """Return the score of one candidate, (1, n_parameters); NaN if the engine cannot run it."""
     try:
         check_engine(config.other_engine, config.solver)
     except InvalidInput:

@@ -8,12 +8,15 @@ from matplotlib.figure import Figure
 from snca_ros.figures import legend_above
 
 
-def draw_histories(names: Sequence[str], tables: Sequence[np.ndarray]) -> Figure:
-    """Return a figure of runs: best v_x so far, and median and range of each generation.
+def draw_histories(
+    names: Sequence[str], tables: Sequence[np.ndarray], label: str
+) -> Figure:
+    """Return a figure of runs: best score so far, and median and range of each generation.
 
     Args:
         names: of the runs.
         tables: (n_generations, 6) of each, the columns of history.csv.
+        label: of the axis of scores, such as 'v_x [m/s]'.
     """
     figure = Figure(figsize=(7.0, 4.0 + 0.15 * len(names)), layout='constrained')
     axes = figure.subplots()
@@ -25,7 +28,7 @@ def draw_histories(names: Sequence[str], tables: Sequence[np.ndarray]) -> Figure
         axes.fill_between(evaluations, worst, best, color=color, alpha=0.12, linewidth=0)
         axes.plot(evaluations, median, color=color, linewidth=0.8)
         axes.step(evaluations, best_so_far, where='post', color=color, linewidth=1.8, label=name)
-    axes.set(xlabel='evaluations', ylabel='v_x [m/s]')
+    axes.set(xlabel='evaluations', ylabel=label)
     axes.set_title('best so far (bold), median and range of a generation', loc='left', fontsize=9)
     axes.grid(linewidth=0.4, alpha=0.5)
     legend_above(axes, 1.07)

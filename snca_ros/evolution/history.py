@@ -1,5 +1,6 @@
 """How runs of `evolve` went or are going: their histories, read and described."""
 
+import contextlib
 import csv
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +10,7 @@ import numpy as np
 from sim_node.errors import InvalidInput
 from snca_ros.evolution.checkpoint import HISTORY
 from snca_ros.evolution.config import RunConfig
+from snca_ros.evolution.tasks import TASKS, Task
 from snca_ros.files import reason_of
 from snca_ros.progress import bars
 
@@ -21,13 +23,20 @@ class History:
 
     Attributes:
         name: of the run, as the user called it.
-        rows: (n_generations, 6) columns `HISTORY`, v_x in [m/s]; n_generations may be 0.
+        rows: (n_generations, 6) columns `HISTORY`; n_generations may be 0.
         total: evaluations that it will spend; None if only its history is known.
+        task: what the scores are of; None if no configuration of a run lies beside the history.
     """
 
     name: str
     rows: np.ndarray
     total: int | None
+    task: Task | None
+
+    @property
+    def label(self) -> str:
+        """Return quantity and unit of the scores, such as 'v_x [m/s]'."""
+        return self.task.label if self.task else 'fitness'
 
     @property
     def evaluations(self) -> int:
@@ -47,14 +56,22 @@ def read_history(path: Path) -> History:
         InvalidInput: there is none, or it is damaged.
     """
     if path.is_file():
-        return History(str(path), _rows(path), None)
+        return History(str(path), _rows(path), None, _task_beside(path))
     if not (path / 'config.yaml').exists():
         expected = 'the folder of a run of evolve, or its history.csv'
         raise InvalidInput('run', str(path), expected)
-    total = RunConfig.from_yaml(path / 'config.yaml').evaluations
+    config = RunConfig.from_yaml(path / 'config.yaml')
     table = path / 'history.csv'
     rows = _rows(table) if table.exists() else np.empty((0, len(HISTORY)))
-    return History(str(path), rows, total)
+    return History(str(path), rows, config.evaluations, TASKS.find(config.task))
+
+
+def _task_beside(path: Path) -> Task | None:
+    """Return the task of the run whose history.csv it is, or whose bundled history."""
+    for config in (path.with_name('config.yaml'), path.with_suffix('.yaml')):
+        with contextlib.suppress(InvalidInput):
+            return TASKS.find(RunConfig.from_yaml(config).task)
+    return None
 
 
 def _rows(path: Path) -> np.ndarray:
@@ -74,14 +91,15 @@ def _rows(path: Path) -> np.ndarray:
 
 
 def describe(history: History) -> list[str]:
-    """Return lines that describe a run: how far it is, and its best v_x so far as a chart."""
+    """Return lines that describe a run: how far it is, and its best score so far as a chart."""
     rows = history.rows
     if not len(rows):
         return [f'{history.name}: no generation yet']
     generation, _, best, median, worst, best_so_far = rows[-1]
+    in_unit = history.task.in_unit if history.task else '{:.3f}'.format
     of = '' if history.total is None else f' of {history.total}'
     return [
-        f'{history.name}: {history.evaluations}{of} evaluations, best {best_so_far:.3f} m/s',
+        f'{history.name}: {history.evaluations}{of} evaluations, best {in_unit(best_so_far)}',
         *bars(rows[:, -1], _WIDTH, _HEIGHT),
         f'generation {generation:.0f}: best {best:.3f}, median {median:.3f}, worst {worst:.3f}',
     ]

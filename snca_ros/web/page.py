@@ -38,6 +38,7 @@ def walk_page(
     thresholds: np.ndarray | None = None,
     directional: bool | None = None,
     history: dict[str, list[float | None]] | None = None,
+    history_label: str = '',
 ) -> str:
     """Return the HTML that plays a walk.
 
@@ -48,6 +49,7 @@ def walk_page(
         thresholds: (n_steps, n_voxels) [mV], if they are known.
         directional: whether cells send each side something else; None if nobody knows.
         history: of the evolution, columns of history.csv by name.
+        history_label: quantity and unit of its scores, such as 'v_x [m/s]'.
 
     Raises:
         InvalidInput: the recording holds no poses.
@@ -60,6 +62,7 @@ def walk_page(
         'voxels': recording.voxel_names, 'ground': frames.ground.T.tolist(), 'spiking': spiking,
         'channelCount': 0 if messages is None else messages.shape[2],
         'directional': bool(directional), 'arrays': frames.describe(), 'history': history,
+        'historyLabel': history_label,
     }
     return _filled(
         title, header, [*facts, _gait(recording)], _notes(recording, frames), frames.encode()

@@ -6,7 +6,7 @@ from pathlib import Path
 from snca_ros.bundled import find_controller
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.checkpoint import HISTORY
-from snca_ros.evolution.history import read_history
+from snca_ros.evolution.history import History, read_history
 from snca_ros.faults import parse_faults
 from snca_ros.recording.bag import Recording
 from snca_ros.recording.offline import record_offline, replayed_thresholds
@@ -34,12 +34,14 @@ def controller_page(
         trained, file, duration, terrain, parse_faults(faults)
     )
     name = run.resolve().name if run else file.stem
+    history = read_history(run) if run else None
     with_faults = f' with {faults}' if faults else ''
     return walk_page(
         recording, f'{name} on {terrain or trained.terrain}{with_faults}',
         facts=[_describe(trained)], thresholds=thresholds,
         directional=trained.architecture.directional,
-        history=_history_columns(run) if run else None,
+        history=_columns(history) if history else None,
+        history_label=history.label if history else '',
     )
 
 
@@ -83,14 +85,14 @@ def _describe(trained: TrainedController) -> str:
     return (
         f'{trained.morphology.name}, {trained.morphology.n_voxels} voxels, {cells.name} '
         f'{cells.neuron_model}, evolved on {trained.terrain} in the physics '
-        f'{trained.solver.physics} for {trained.evaluations} evaluations to v_x '
-        f'{trained.fitness:.3f} m/s'
+        f'{trained.solver.physics} for {trained.evaluations} evaluations to '
+        f'{trained.achieved}'
     )
 
 
-def _history_columns(run: Path) -> dict[str, list[float | None]]:
-    """Return the columns of a run's history by name; v_x that is not finite is None."""
+def _columns(history: History) -> dict[str, list[float | None]]:
+    """Return the columns of a run's history by name; a score that is not finite is None."""
     return {
         name: [value if math.isfinite(value) else None for value in column]
-        for name, column in zip(HISTORY, read_history(run).rows.T.tolist(), strict=True)
+        for name, column in zip(HISTORY, history.rows.T.tolist(), strict=True)
     }

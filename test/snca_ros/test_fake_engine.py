@@ -134,7 +134,7 @@ def test_runs_evolve_in_it_and_their_best_is_assessed_in_it(config, tmp_path):
     folder.close()
     best = progress.strategy['individuals'][:1]
     trained = load_controller(tmp_path / 'run' / 'best.npz')
-    assert (trained.chosen_by, list(trained.v_x)) == ('sledge', ['sledge', 'pymunk'])
+    assert (trained.chosen_by, list(trained.scores)) == ('sledge', ['sledge', 'pymunk'])
     assert trained.fitness == next(evaluate(IN_PROCESS, config, best))
     assert 'sledge' in config.name
     trial = Trial(trained, 'flat', 'sledge', duration=1.0, transient=0.2)

@@ -9,6 +9,7 @@ from hypothesis.extra.numpy import arrays
 
 from snca_ros.commands.evolve import ProgressLine
 from snca_ros.evolution.checkpoint import Progress
+from snca_ros.evolution.tasks import TASKS
 from snca_ros.progress import StatusLine, bars
 
 NUMBERS = arrays(float, st.integers(1, 50), elements=st.floats(-1e9, 1e9) | st.just(-np.inf))
@@ -62,7 +63,7 @@ def test_a_line_on_a_terminal_stays_one_line(monkeypatch):
 
 def test_evolution_on_a_terminal(monkeypatch):
     screen = become_terminal(monkeypatch, 130)
-    line = ProgressLine(total=40, done=0)
+    line = ProgressLine(total=40, done=0, task=TASKS['walk'])
     line(progress((0.5, 0.1, -0.2)))
     line(progress((0.5, 0.1, -0.2), (0.4, 0.2, -np.inf), (2.0, 0.3, 0.0)))
     first, second = screen.getvalue().split('\r\x1b[K')[1:]
@@ -74,12 +75,12 @@ def test_evolution_on_a_terminal(monkeypatch):
 
 def test_a_narrow_terminal_has_no_bar(monkeypatch):
     screen = become_terminal(monkeypatch, 60)
-    ProgressLine(total=40, done=0)(progress((0.5, 0.1, -0.2)))
+    ProgressLine(total=40, done=0, task=TASKS['walk'])(progress((0.5, 0.1, -0.2)))
     assert screen.getvalue().startswith('\r\x1b[K10/40 evaluations  ')
 
 
 def test_evolution_is_quiet_where_there_is_no_terminal(capsys):
-    line = ProgressLine(total=30, done=0)
+    line = ProgressLine(total=30, done=0, task=TASKS['walk'])
     rows = [(0.5, 0.1, -0.2), (0.4, 0.2, 0.0), (2.0, 0.3, 0.0)]
     line(progress(*rows[:1]))
     line(progress(*rows[:2]))

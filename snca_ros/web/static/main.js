@@ -2,7 +2,8 @@
 'use strict';
 
 const header = JSON.parse(element('header').textContent);
-if (header.history) drawHistory(element('plot-history'), header.history);
+if (header.history)
+  drawHistory(element('plot-history'), header.history, header.historyLabel);
 if (header.live) openLive(header);
 else
   Walk.load(header, element('frames').textContent).then((walk) => {

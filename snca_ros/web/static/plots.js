@@ -85,11 +85,11 @@ class Plot {
   }
 }
 
-// How a run of evolution got there: v_x over evaluations.
-function drawHistory(parent, { evaluations, best_so_far: soFar, best, median }) {
+// How a run of evolution got there: its scores over evaluations; `label` is quantity and unit.
+function drawHistory(parent, { evaluations, best_so_far: soFar, best, median }, label) {
   const chart = new uPlot({
     width: 300, height: 200, scales: { x: { time: false } }, cursor: { y: false },
-    axes: [axis('evaluations', 30), axis('v_x [m/s]', 44)],
+    axes: [axis('evaluations', 30), axis(label, 44)],
     series: [
       { label: 'evaluations' }, line('best so far', 'accent', 2), line('best', 'ink', 1),
       line('median', 'faint', 1.5),

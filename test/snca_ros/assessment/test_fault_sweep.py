@@ -52,9 +52,9 @@ def test_table_csv_and_figure_tell_the_same(worms, tmp_path, capsys):
     assert (code, err) == (0, '')
     with (tmp_path / 'sweep.csv').open(newline='') as file:
         rows = list(csv.DictReader(file))
-    assert tuple(rows[0]) == COLUMNS
+    assert tuple(rows[0]) == (*COLUMNS, 'v_x')
     sweeps = [parse_sweep(text) for text in texts]
-    assert [tuple(row[c] for c in COLUMNS[:-1]) for row in rows] == [
+    assert [tuple(row[c] for c in COLUMNS) for row in rows] == [
         (worm, sweep.text, str(x), 'flat', 'pymunk', str(start))
         for sweep in sweeps for worm in worms for x in sweep.values for start in range(2)
     ]

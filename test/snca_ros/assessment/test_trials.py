@@ -46,17 +46,17 @@ def test_table_csv_and_figure_tell_the_same(worms, tmp_path, capsys):
     assert (code, err) == (0, '')
     with (tmp_path / 'scores.csv').open(newline='') as file:
         rows = list(csv.DictReader(file))
-    assert tuple(rows[0]) == COLUMNS
+    assert tuple(rows[0]) == (*COLUMNS, 'v_x')
     terrains.append('mean')
     expected = [(w, t, 'pymunk', str(s)) for w in worms for t in terrains for s in range(4)]
-    assert [tuple(row[c] for c in COLUMNS[:4]) for row in rows] == expected
+    assert [tuple(row[c] for c in COLUMNS) for row in rows] == expected
     scores = np.array([float(row['v_x']) for row in rows]).reshape(2, 4, 4)
     np.testing.assert_allclose(scores[:, 3], scores[:, :3].mean(axis=1), rtol=1e-12)
     assert scores[1, 1, 2] == score(
         Trial(trained_worm(1), 'downhill-20', start=2, duration=7.0)
     )
     for worm, of_one in zip(worms, scores, strict=True):
-        assert '\n'.join(table(worm, terrains, of_one)) in out
+        assert '\n'.join(table(worm, terrains, of_one, 'v_x')) in out
     picture = (tmp_path / 'scores.svg').read_text()
     assert picture.startswith('<?xml')
     assert all(f'<!-- {terrain} -->' in picture for terrain in terrains)
@@ -87,12 +87,12 @@ def test_seeds_of_terrains_count_within_their_kind(worms, tmp_path, capsys):
 
 def test_lines_of_a_table():
     scores = np.array([[1.0, 0.0, 2.0, 4.0], [3.0, 2.0, 2.0, 2.0]])
-    name, head, flat, hilly = table('worm', ['flat', 'hilly'], scores)
+    name, head, flat, hilly = table('worm', ['flat', 'hilly'], scores, 'v_x')
     assert name == 'worm'
     assert head.split() == ['v_x', 'mean', 'std', 'of', '3', 'pushed', 'starts']
     assert flat.split() == ['flat', '1.000', '2.000', '2.000']
     assert hilly.split() == ['hilly', '3.000', '2.000', '0.000']
-    assert [line.split() for line in table('w', ['flat'], scores[:1, :1])] == [
+    assert [line.split() for line in table('w', ['flat'], scores[:1, :1], 'v_x')] == [
         ['w'], ['v_x'], ['flat', '1.000']
     ]
 

@@ -96,8 +96,8 @@ def test_every_run_has_its_row_history_and_controller(file, whole):
 
 def test_every_setting_of_a_run_has_a_column():
     settings = {f.name for of in (RunConfig, Architecture, Solver) for f in fields(of)}
-    # uniform and directional are the architecture's name; no campaign changes the material.
-    assert settings - {*COLUMNS} == {'uniform', 'directional', 'material', 'solver'}
+    # uniform and directional are the architecture's name; no campaign changes material or task.
+    assert settings - {*COLUMNS} == {'uniform', 'directional', 'material', 'solver', 'task'}
 
 
 def test_speeds_are_those_of_the_controller(file, whole):
@@ -136,7 +136,7 @@ def test_robust_controller_has_the_best_mean_of_the_last_whole_population(file, 
         assert means[place] == means.max() == float(row['v_x_robust_chosen'])
         robust = load_controller(whole / 'results' / 'controllers' / f'{name}-robust.npz')
         assert robust.theta.tolist() == individuals[place].tolist()
-        assert robust.fitness == fitness[place] == robust.v_x[config.engine]
+        assert robust.fitness == fitness[place] == robust.scores[config.engine]
         trial = Trial(robust, 'flat', duration=1.0, transient=0.2)
         pushed = [score(replace(trial, start=i)) for i in range(101, 121)]
         assert row['robust_starts'] == '101-120'

@@ -147,7 +147,7 @@ def test_every_setting_is_in_a_runs_name():
         'strategy': 'cma', 'architecture': Architecture.named('nU-D', 'mlp'),
         'solver': Solver(physics='first'),
     }
-    assert others.keys() == {f.name for f in fields(RunConfig)} - {'material'}
+    assert others.keys() == {f.name for f in fields(RunConfig)} - {'material', 'task'}
     cells = [
         replace(plain.architecture, **change) for change in
         ({'n_c': 2, 'hidden': None}, {'hidden': (5,)}, {'hidden': (5, 3)}, {'hidden': ()},

@@ -1,6 +1,9 @@
 """The header and the parameters of a controller file: every wrong value is named."""
 
 import json
+import os
+import subprocess
+import sys
 from dataclasses import fields
 
 import numpy as np
@@ -8,10 +11,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support.controller_files import THETA, json_values, quick, refusal, write
+from support.paths import ROOT
+from support.processes import LIMIT
 
+from sim_node.engine import ENGINES
 from sim_node.errors import InvalidInput
+from sim_node.model.body_file import load_body
 from sim_node.model.material import Material
+from snca_ros.cell.architecture import NEURON_MODELS
 from snca_ros.controller_file import load_controller
+from snca_ros.evolution.tasks import TASKS
 
 
 @pytest.mark.parametrize(
@@ -72,7 +81,7 @@ def changed(header: dict, field: str, value) -> dict:
 NOT_A_DICT = [None, True, 3, 'text', [], ['uniform']]
 NOT_A_SIZE = [None, 0, -1, 1.0, '1', True, [1], {}, 10**30]
 WRONG = {
-    'format_version': [None, '1', 1.0, True, [1], {}, 0, 2, -1, 10**30],
+    'format_version': [None, '1', 1.0, True, [1], {}, 0, 3, -1, 10**30],
     'architecture': NOT_A_DICT,
     'architecture.uniform': [None, 1, 'true', [], {}],
     'architecture.directional': [None, 0, 'false', [], {}],
@@ -95,9 +104,10 @@ WRONG = {
     'evaluations': [None, True, 1.5, '0', [], {}, -1],
     'versions': [None, True, 3, 'text', [], ['numpy']],
     'chosen_by': [None, True, 3, '', 'Pymunk', [], {}],
-    'v_x': [None, 1.0, 'text', [], {'pymunk': '1'}, {'pymunk': None}, {'bullet': 1.0}],
+    'task': [None, True, 3, '', 'Walk', 'no.such.module', [], {}],
+    'scores': [None, 1.0, 'text', [], {'pymunk': '1'}, {'pymunk': None}, {'bullet': 1.0}],
 }
-SINCE_TWO_ENGINES = ('chosen_by', 'v_x')  # older files have none
+SINCE_TWO_ENGINES = ('chosen_by', 'v_x')  # older files of version 1 have none
 for _f in fields(Material):
     WRONG[f'material.{_f.name}'] = [None, True, '1', [], {}, np.nan, np.inf, -1e-9, 1e9, 10**400]
 
@@ -217,7 +227,70 @@ def test_near_misses_are_told(path, header):
 
 
 def test_files_from_before_there_were_two_engines(path, header):
-    old = {key: value for key, value in header.items() if key not in SINCE_TWO_ENGINES}
+    old = {name: value for name, value in version_1(header).items()
+           if name not in SINCE_TWO_ENGINES}
     write(path, old, THETA)
     trained = load_controller(path)
-    assert (trained.chosen_by, trained.v_x) == ('pymunk', {})
+    assert (trained.chosen_by, trained.scores) == ('pymunk', {})
+
+
+def version_1(header):
+    """Return the header as it was before there were tasks."""
+    old = {name: value for name, value in header.items() if name not in ('task', 'scores')}
+    return {**old, 'format_version': 1, 'v_x': {'pymunk': 7.5}}
+
+
+def test_files_of_version_1_are_walks(path, header):
+    write(path, version_1(header), THETA)
+    trained = load_controller(path)
+    assert (trained.task, trained.scores) == ('walk', {'pymunk': 7.5})
+    assert load_body(path).terrain == trained.terrain
+    for value in WRONG['scores']:
+        write(path, {**version_1(header), 'v_x': value}, THETA)
+        assert refusal(path).startswith('v_x')
+
+
+@pytest.mark.parametrize('version', [1, 2])
+def test_fields_of_the_other_version_are_unknown(path, header, version):
+    headers = {1: version_1(header), 2: header}
+    foreign = headers[3 - version].keys() - headers[version].keys()
+    assert foreign == ({'task', 'scores'} if version == 1 else {'v_x'})
+    for name in foreign:
+        write(path, {**headers[version], name: headers[3 - version][name]}, THETA)
+        assert refusal(path).startswith(f"header: got '{name}', expected one of ")
+
+
+@pytest.mark.parametrize(('field', 'known'), [
+    ('task', TASKS), ('architecture.neuron_model', NEURON_MODELS), ('chosen_by', ENGINES),
+])
+def test_an_unknown_name_is_refused_and_imports_nothing(
+    path, header, field, known, tmp_path, monkeypatch
+):
+    (tmp_path / 'named_by_a_file.py').write_text('raise SystemExit("imported")')
+    monkeypatch.syspath_prepend(tmp_path)
+    name = 'named_by_a_file'
+    write(path, changed(header, field, name), THETA)
+    refusal(path)  # whatever is loaded lazily is loaded now
+    before = set(sys.modules)
+    assert f"got '{name}', expected one of {', '.join(known)}" in refusal(path)
+    write(path, changed(header, field, f'{name}:thing'), THETA)
+    assert name in refusal(path)
+    assert set(sys.modules) == before
+    if field == 'task':
+        assert load_body(path).terrain == 'flat'  # the simulation does not need it
+
+
+def test_reading_a_controller_loads_tasks_but_no_evolution(path, header):
+    write(path, header, THETA)
+    program = (
+        'import sys; from snca_ros.nodes import own_part\n'
+        f"own_part.load_own_part({str(path)!r}, 'voxel_0_0', {{}}, 'here')\n"
+        "print(sorted(name for name in sys.modules if name.startswith('snca_ros.evolution.')), "
+        "'pymunk' in sys.modules)"
+    )
+    found = subprocess.run(
+        [sys.executable, '-c', program], check=True, capture_output=True, text=True, timeout=LIMIT,
+        env={**os.environ, 'PYTHONPATH': str(ROOT)},
+    ).stdout.strip()
+    tasks = [f'snca_ros.evolution.tasks{part}' for part in ('', '.task', '.walk')]
+    assert found == f'{tasks} False'

@@ -133,7 +133,7 @@ def test_stopped_run_goes_on_to_the_same_end(tmp_path):
     for name in ('config.yaml', 'history.csv', 'best.npz', 'checkpoint.npz'):
         assert (tmp_path / 'run' / name).read_bytes() == (tmp_path / 'whole' / name).read_bytes()
     trained = load_controller(tmp_path / 'run' / 'best.npz')
-    assert trained.v_x['batched'] in progress.strategy['fitness']
+    assert trained.scores['batched'] in progress.strategy['fitness']
 
 
 @pytest.mark.parametrize('name', ['told', 'mean'])

@@ -46,7 +46,7 @@ def test_groups_of_other_sizes_give_the_same_run(whole, tmp_path):
     path, progress = whole
     other = run(tmp_path / 'two', 2)  # groups of 4 robots rather than 8
     assert other.history == progress.history
-    assert other.v_x_other == progress.v_x_other
+    assert other.score_other == progress.score_other
     assert (tmp_path / 'two' / 'history.csv').read_text() == (path / 'history.csv').read_text()
 
 
@@ -70,7 +70,7 @@ def test_best_is_that_of_the_runs_engine_and_walks_once_in_the_other(whole, tmp_
     assert trained.theta.tolist() == best[0].tolist()
     assert trained.chosen_by == engine
     assert trained.fitness == progress.strategy['fitness'].max() == progress.history[-1][-1]
-    assert trained.v_x == {e: Evaluator(replace(CONFIG, engine=e))(best)[0] for e in ENGINES}
+    assert trained.scores == {e: Evaluator(replace(CONFIG, engine=e))(best)[0] for e in ENGINES}
 
 
 def test_last_whole_population_outlives_a_generation_that_the_budget_cuts(whole):
@@ -117,7 +117,7 @@ def finished_by_old_rules(path, progress, **entries):
     if 'reassessed' in entries:
         fitness['pymunk'] = float(entries['reassessed'][i])
     save_controller(old / 'best.npz', replace(
-        trained, theta=progress.strategy['individuals'][i], v_x=fitness,
+        trained, theta=progress.strategy['individuals'][i], scores=fitness,
         fitness=list(fitness.values())[-1], chosen_by=list(fitness)[-1],
         versions={'snca_ros': 'an earlier one'},
     ))
@@ -171,7 +171,7 @@ def test_a_run_stopped_before_the_end_goes_on_to_the_same_end(whole, tmp_path):
         evolve(folder, IN_PROCESS, stop)
     folder.close()
     unfinished = load_controller(tmp_path / 'run' / 'best.npz')
-    assert (unfinished.chosen_by, list(unfinished.v_x)) == ('batched', ['batched'])
+    assert (unfinished.chosen_by, list(unfinished.scores)) == ('batched', ['batched'])
     folder = RunFolder.resume(tmp_path / 'run')
     evolve(folder, IN_PROCESS)
     folder.close()
@@ -183,11 +183,11 @@ def test_a_run_killed_before_the_other_engine_goes_on_to_the_same_end(whole, tmp
     path, progress = whole
     shutil.copytree(path, tmp_path / 'run')
     folder = RunFolder.resume(tmp_path / 'run')
-    folder.save(replace(progress, v_x_other=None))
+    folder.save(replace(progress, score_other=None))
     folder.close()
-    assert list(load_controller(tmp_path / 'run' / 'best.npz').v_x) == ['batched']
+    assert list(load_controller(tmp_path / 'run' / 'best.npz').scores) == ['batched']
     folder = RunFolder.resume(tmp_path / 'run')
-    assert evolve(folder, IN_PROCESS).v_x_other == progress.v_x_other
+    assert evolve(folder, IN_PROCESS).score_other == progress.score_other
     folder.close()
     for name in ('checkpoint.npz', 'best.npz'):
         assert (tmp_path / 'run' / name).read_bytes() == (path / name).read_bytes()
@@ -199,10 +199,10 @@ def test_a_run_that_the_other_engine_cannot_do_has_one_speed(tmp_path):
     )
     progress = run(tmp_path / 'run', 1, config)
     trained = load_controller(tmp_path / 'run' / 'best.npz')
-    assert trained.v_x == {'pymunk': trained.fitness}
-    assert np.isnan(progress.v_x_other)
+    assert trained.scores == {'pymunk': trained.fitness}
+    assert np.isnan(progress.score_other)
     folder = RunFolder.resume(tmp_path / 'run')
-    assert np.isnan(evolve(folder, IN_PROCESS).v_x_other)
+    assert np.isnan(evolve(folder, IN_PROCESS).score_other)
     folder.close()
 
 

@@ -62,7 +62,7 @@ def test_checkpoint_is_the_best_first(whole):
     # The last generation has 3 candidates: the population before it is kept.
     assert (len(arrays['individuals']), arrays['population'].shape) == (4, (8, 500))
     assert arrays['population_fitness'][0] == float(history_of(whole)[-2]['best_so_far'])
-    assert arrays['other_engine'].tolist() == [best.v_x['batched']]
+    assert arrays['other_engine'].tolist() == [best.scores['batched']]
 
 
 def test_number_of_workers_does_not_matter(whole, tmp_path):

@@ -101,7 +101,8 @@ def test_watching_on_a_terminal_draws_over_what_it_drew(tmp_path, monkeypatch):
 
 def test_a_figure_has_best_median_and_range_of_each_run(tmp_path):
     table = np.array([[0, 4, 1.0, 0.5, -np.inf, 1.0], [1, 7, 0.8, 0.6, 0.1, 1.0]])
-    (axes,) = draw_histories(['one', 'two'], [table, table + 1]).axes
+    (axes,) = draw_histories(['one', 'two'], [table, table + 1], 'rise [m]').axes
+    assert axes.get_ylabel() == 'rise [m]'
     median, best = axes.lines[:2]
     np.testing.assert_array_equal(median.get_xydata(), table[:, [1, 3]])
     np.testing.assert_array_equal(best.get_xydata(), table[:, [1, 5]])

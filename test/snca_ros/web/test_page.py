@@ -211,6 +211,7 @@ def test_a_run_has_its_history(tmp_path, open_page, capsys):
     assert main(['replay', str(run), '--duration', '1']) == 0
     page = open_page((run / 'replay.html').as_uri())
     assert page.evaluate('header.history.evaluations') == [4, 7, 8]
+    assert page.evaluate('header.historyLabel') == 'v_x [m/s]'
     assert page.locator('#plot-history canvas').is_visible()
     assert page.evaluate('player.walk.duration') == 1
     capsys.readouterr()

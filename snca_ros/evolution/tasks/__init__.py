@@ -1,0 +1,35 @@
+"""What robots are evolved for, one file each, found by name.
+
+To add a task, write a class like `walk.Walk` (`task.Task` says what it needs) and register one of
+its objects by `TASKS.register`, see `sim_node.registry` and docs/python.md.
+
+Controller files name their task, and the code that reads them is below evolution. So this folder
+is a room of its own below that code: it imports neither engines nor evolution.
+"""
+
+from sim_node.errors import check_name
+from sim_node.registry import Registry
+from snca_ros.evolution.tasks.task import RECORDS, Episode, Task, score_of
+from snca_ros.evolution.tasks.walk import Walk
+
+__all__ = [
+    'DEFAULT_TASK', 'RECORDS', 'TASKS', 'Episode', 'Task', 'Walk', 'check_task', 'score_of',
+]
+
+DEFAULT_TASK = 'walk'
+"""The task of the paper, and of files from before there were others."""
+
+TASKS = Registry[Task]('task', {DEFAULT_TASK: Walk()})
+"""Tasks by name."""
+
+
+def check_task(name: str) -> Task:
+    """Return the task of that name if what it records exists.
+
+    Raises:
+        InvalidInput: there is no such task, or it asks for arrays that are not recorded.
+    """
+    task = TASKS.find(name)
+    for record in task.records:
+        check_name(f'records of task {name}', record, RECORDS)
+    return task

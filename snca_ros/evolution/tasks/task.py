@@ -1,0 +1,105 @@
+"""What a task is: what it records of an episode, and the score that it gives the episode."""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sim_node.control_time import CONTROL_RATE
+from sim_node.errors import InvalidInput
+
+TRANSIENT = 5.0
+"""What is not scored at the start of an episode [s] (paper, section 4.1)."""
+
+RECORDS = ('actuation', 'area_ratios', 'touching')
+"""Arrays of an episode that a task can ask for, (n_steps, n_voxels) each, see `Episode`."""
+
+
+@dataclass(frozen=True)
+class Episode:
+    """What an episode of n_steps control steps of 1/60 s left behind.
+
+    Attributes:
+        centers: (n_steps + 1, 2) centre of mass x, y [m]; row 0 is the start, row k + 1 is after
+            control step k.
+        diverged: the physics left the finite numbers before the end; n_steps is then smaller.
+        records: the arrays of `RECORDS` that were asked for, by name, (n_steps, n_voxels) each.
+            Row k belongs to control step k: `actuation` in [-1, 1] as it acted during the step;
+            `area_ratios` (area over area at rest) and `touching` (1.0 on the ground, else 0.0)
+            after it.
+    """
+
+    centers: np.ndarray
+    diverged: bool
+    records: Mapping[str, np.ndarray] = field(default_factory=dict, kw_only=True)
+
+    def velocity(self, transient: float = TRANSIENT) -> float:
+        """Return v_x [m/s] after `transient` seconds, or -inf if the episode diverged."""
+        return -np.inf if self.diverged else mean_velocity(self.centers[:, 0], transient)
+
+
+def mean_velocity(x: np.ndarray, transient: float = TRANSIENT) -> float:
+    """Return the mean velocity [m/s] of positions `x` [m], one per control step from step 0."""
+    first = round(transient * CONTROL_RATE)
+    if len(x) <= first + 1:
+        first = 0
+    if len(x) < 2:
+        return 0.0
+    return float((x[-1] - x[first]) / ((len(x) - 1 - first) / CONTROL_RATE))
+
+
+class Task(ABC):
+    """What robots are evolved for.
+
+    Attributes:
+        quantity: what is scored, as a column name, such as 'v_x'.
+        unit: of the score, such as 'm/s'; '' if it has none.
+        records: names of `RECORDS` that `score` needs; centres of mass are always recorded.
+    """
+
+    quantity: str
+    unit: str
+    records: tuple[str, ...] = ()
+
+    @abstractmethod
+    def score(self, episode: Episode, transient: float) -> float:
+        """Return the score of an episode that did not diverge; larger is better.
+
+        It must depend on nothing but the arguments.
+
+        Args:
+            episode: what was recorded.
+            transient: how much of the episode's start is not to be scored [s], as the run says;
+                up to the whole episode.
+        """
+
+    @property
+    def label(self) -> str:
+        """Return quantity and unit as the label of an axis, such as 'v_x [m/s]'."""
+        return f'{self.quantity} [{self.unit}]' if self.unit else self.quantity
+
+    def in_unit(self, score: float, digits: int = 3) -> str:
+        """Return a score with its unit, such as '8.213 m/s'."""
+        return f'{score:.{digits}f} {self.unit}'.rstrip()
+
+
+def score_of(task: Task, episode: Episode, transient: float) -> float:
+    """Return the score of an episode; -inf if it diverged.
+
+    Args:
+        task: what the robot was to do.
+        episode: with the task's `records`.
+        transient: as of `Task.score` [s].
+
+    Raises:
+        InvalidInput: the task gave something that cannot be compared.
+    """
+    if episode.diverged:
+        return -math.inf
+    score = float(task.score(episode, transient))
+    if math.isnan(score):
+        name = f'{type(task).__name__}.score'
+        raise InvalidInput(name, score, f'a number, {task.quantity} of the episode')
+    return score
