@@ -42,9 +42,12 @@ def shared(folder: str) -> list[tuple[str, list[str]]]:
     return list(files.items())
 
 
+source = Path('snca_ros/__init__.py').read_text()
+(version,) = re.findall(r"^__version__ = '(.+)'", source, re.MULTILINE)
+
 setup(
     name=PACKAGE,
-    version=re.search(r"__version__ = '(.+)'", Path('snca_ros/__init__.py').read_text())[1],
+    version=version,
     description='Modular soft robots with embodied spiking neural cellular automata, on ROS 2',
     long_description=Path('README.md').read_text(),
     long_description_content_type='text/markdown',

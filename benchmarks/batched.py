@@ -12,6 +12,7 @@ multiply-adds, of which there must be none.
 import re
 import statistics
 import time
+from typing import Any
 
 import numba
 import numpy as np
@@ -114,7 +115,8 @@ def measure_episode(shape: str, name: str, model: str, rounds: int, duration: fl
 
 def registers() -> dict:
     """Count vector registers and fused multiply-adds in the assembly of the sweep, W = 16."""
-    anew = numba.njit(sweep.py_func, error_model='numpy')  # nothing cached can be inspected
+    function: Any = sweep
+    anew = numba.njit(function.py_func, error_model='numpy')  # nothing cached can be inspected
     anew(new_robots(Simulation('1'), 16).group)
     assembly = '\n'.join(anew.inspect_asm().values())
     names = {kind: len(re.findall(rf'%{kind}\d+', assembly)) for kind in ('zmm', 'ymm', 'xmm')}

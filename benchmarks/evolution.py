@@ -80,7 +80,10 @@ def memory(evaluations: int) -> list[dict]:
             n = min(every, evaluations - done)
             list(evaluate(workers, config, rng.uniform(-1.0, 1.0, (n, config.n_parameters))))
             done += n
-            megabytes = [resident(process.pid) for process in multiprocessing.active_children()]
+            megabytes = [
+                resident(process.pid)
+                for process in multiprocessing.active_children() if process.pid
+            ]
             seen.append({'evaluations': done, 'megabytes': megabytes})
     return seen
 

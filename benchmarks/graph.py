@@ -171,7 +171,8 @@ def measure_case(path: Path, k: int, seconds: float) -> dict:
         path, trained, WalkOptions(robot=robot, duration=0.0, voxels_per_process=k)
     )
     with RunningGraph(graph, {}) as running, Observer() as observer:
-        pids = running.pids()
+        pids, simulation = running.pids(), graph.simulation
+        assert simulation is not None
         with observer.arrivals(robot, latched=True) as seen:
             observer.spin_until(lambda: seen and seen[-1][1] >= _SETTLE, _START_LIMIT)
         begin, first = observer.next_count(robot)
@@ -195,7 +196,7 @@ def measure_case(path: Path, k: int, seconds: float) -> dict:
         'shape': path.stem, 'voxels': n, 'voxels_per_process': k, 'processes': len(graph.voxels),
         'real_time_factor': rate / CONTROL_RATE, 'steps_per_second': rate,
         'cpu_ms_per_step': {
-            'all': cost[graph.simulation] + voxels, 'simulation': cost[graph.simulation],
+            'all': cost[simulation] + voxels, 'simulation': cost[simulation],
             'voxels': voxels, 'each_voxel': voxels / n,
         },
         'latency_ms': {'p50': float(np.percentile(gaps, 50)),

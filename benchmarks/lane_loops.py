@@ -74,7 +74,8 @@ def measure(quick: bool) -> dict:
         'loops': (_sweeps(plain), springs, masses),
         'loops, no overlap': (_sweeps(compiled_kernel(_loop)), springs, masses),
     }
-    ends, times = set[bytes](), {name: [] for name in ways}
+    ends = set[bytes]()
+    times: dict[str, list[float]] = {name: [] for name in ways}
     for _ in range(5 if quick else 25):
         for name, (run, *arrays) in ways.items():
             springs[:], masses[:] = first

@@ -3,6 +3,7 @@
 import argparse
 import time
 from dataclasses import replace
+from typing import Any
 from unittest import mock
 
 import numpy as np
@@ -16,6 +17,7 @@ from sim_node.model.solver import Solver
 from sim_node.model.terrain import Terrain
 from sim_node.munk2d import c_functions as munk
 from sim_node.munk2d import engine
+from sim_node.munk2d.engine import PymunkEngine
 from sim_node.munk2d.pymunk_view import pymunk_view
 from sim_node.munk2d.space import Space
 from sim_node.simulation import Diverged, Simulation
@@ -28,11 +30,20 @@ ROUGH = ('flat', 'hilly-1-10-0', 'steppy-1-20-0')
 SHAPES = ('1', 'biped', 'comb', 'worm', '11-11', 'tripod', 'ball-5', 'box-5x5')
 
 
+class Watched(Simulation):
+    """A simulation with its space as pymunk's own objects."""
+
+    backend: PymunkEngine
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.view = pymunk_view(self.backend.space)
+        self.bodies = self.view.bodies
+
+
 def new(shape, terrain='flat', solver=None, ground=None, lift=(0.0, 0.0), **material):
     with mock.patch.object(engine, 'Space', ground or Space):
-        sim = Simulation(shape, terrain, solver=solver, material=Material(**material))
-    sim.view = pymunk_view(sim.backend.space)
-    sim.bodies = sim.view.bodies
+        sim = Watched(shape, terrain, solver=solver, material=Material(**material))
     for b in sim.bodies:
         b.position += lift
     return sim
@@ -80,9 +91,10 @@ def table(text, columns):
 
 def row(name, *cells):
     if isinstance(name, Solver):
-        name = f'{name.substeps} x {name.iterations}' + ', self-coll.' * name.self_collision
-    cells = [c if isinstance(c, str) else f'{c:.2g}' for c in (name, *cells)]
-    print('|', ' | '.join(cells), '|', flush=True)
+        extra = ', self-coll.' if name.self_collision else ''
+        name = f'{name.substeps} x {name.iterations}{extra}'
+    texts = [c if isinstance(c, str) else f'{c:.2g}' for c in (name, *cells)]
+    print('|', ' | '.join(texts), '|', flush=True)
 
 
 def costs(variants, default, rounds):

@@ -17,6 +17,7 @@ import struct
 import sys
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,7 @@ def walk(path: Path, bag: Path, minutes: float, kill_every: float, seed: int) ->
         simulation={'silence_limit': _LIMIT, 'start_limit': _LIMIT},
     )
     graph = describe_graph(path, load_controller(path), options)
+    assert graph.simulation is not None
     rng = np.random.default_rng(seed)
     begin = time.monotonic()
     with RunningGraph(graph, {}) as running, Observer() as observer:
@@ -65,28 +67,31 @@ def _disturb(
     """Kill and restart voxels until the simulation ends; return the kills and memory samples."""
     kills: list[dict] = []
     samples: list[dict] = []
-    next_sample = time.monotonic()
+    next_sample, simulation = time.monotonic(), graph.simulation
+    assert simulation is not None
+
+    def pause(seconds: float) -> None:
+        until = time.monotonic() + seconds
+        observer.spin_until(lambda: over() or time.monotonic() > until, math.inf)
 
     def over() -> bool:
         nonlocal next_sample
         if time.monotonic() >= next_sample:
             samples.append(_sample(graph, running))
             next_sample += _SAMPLE_PERIOD
-        return running.exit_code(graph.simulation) is not None
+        return running.exit_code(simulation) is not None
 
     while True:
-        until = time.monotonic() + rng.uniform(0.0, 2.0 * kill_every)
-        observer.spin_until(lambda until=until: over() or time.monotonic() > until, math.inf)
+        pause(rng.uniform(0.0, 2.0 * kill_every))
         if over():
             return kills, samples
         victim = graph.voxels[rng.integers(len(graph.voxels))]
         os.kill(running.pids()[victim], signal.SIGKILL)
         running.wait(victim, _LIMIT)
-        until = time.monotonic() + _STANDSTILL
-        observer.spin_until(lambda until=until: time.monotonic() > until, _LIMIT)
+        pause(_STANDSTILL)
         reached, begin = newest[0], time.monotonic()
         running.start_again(victim)
-        observer.spin_until(lambda step=reached: over() or newest[0] > step, _LIMIT)
+        observer.spin_until(partial(lambda step: over() or newest[0] > step, reached), _LIMIT)
         kills.append({'voxel': victim.names[0], 'step': reached,
                       'back_after': time.monotonic() - begin})
 

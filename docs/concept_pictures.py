@@ -3,6 +3,7 @@
 import csv
 import io
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -25,7 +26,7 @@ from snca_ros.evolution.episode import run_episode
 from snca_ros.files import write_text
 
 PICTURES = Path(__file__).parent / 'concepts'
-_STYLE = {'font.size': 9.0, 'svg.fonttype': 'none', 'svg.hashsalt': 'snca_ros',
+_STYLE: Any = {'font.size': 9.0, 'svg.fonttype': 'none', 'svg.hashsalt': 'snca_ros',
           'axes.spines.top': False, 'axes.spines.right': False}
 _CONTRACTED, _REST, _EXPANDED = area_colors(np.array([0.75, 1.0, 1.25]))
 
@@ -71,7 +72,7 @@ def draw_robot() -> Figure:
                 continue
             start, shift = np.array([x + 0.33 * dx, y + 0.31 * dy]), 0.07 * np.array([dy, dx])
             axes.annotate(
-                '', start + shift + (0.34 * dx, 0.38 * dy), start + shift,
+                '', tuple(start + shift + (0.34 * dx, 0.38 * dy)), tuple(start + shift),
                 arrowprops={'arrowstyle': '->', 'color': 'C0'},
             )
     axes.set(xlim=(-0.5, morphology.width - 0.5), ylim=(-0.5, morphology.height - 0.5))

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import Field
+from functools import partial
 
 from sim_node.model.body_faults import FaultsOfBody
 from sim_node.model.constants import declared, shown, values_of
@@ -75,7 +76,7 @@ def options_table(command: str) -> str:
 
 TABLES: dict[str, Callable[[], str]] = {
     'faults': faults_table, 'topics': topics_table, 'evolve': lambda: options_table('evolve'),
-    **{node.name: lambda n=node: node_section(n) for node in NODES},
+    **{node.name: partial(node_section, node) for node in NODES},
 }
 """By the name in a document's marker, `<!-- table NAME -->`."""
 

@@ -72,7 +72,7 @@ def _layers(names, pairs):
     for _ in names:  # as far down as what is above
         for a, b in pairs:
             depth[b] = max(depth[b], depth[a] + 1)
-    layers = [[] for _ in range(max(depth.values()) + 1)]
+    layers: list[list] = [[] for _ in range(max(depth.values()) + 1)]
     for name in names:
         layers[depth[name]].append(name)
     paths = {}
@@ -88,12 +88,12 @@ def _order(layers, paths):
     """Sort each layer by the middle of its neighbours, down and up a few times."""
     links = [link for way in paths.values() for link in zip(way[:-1], way[1:], strict=True)]
     for sweep in range(12):
-        place = {}
+        place: dict = {}
         down = sweep % 2 == 0
         for layer in layers if down else reversed(layers):
             for i, point in enumerate(layer):
                 place.setdefault(point, (i + 0.5) / len(layer))
-            ends = {p: [] for p in layer}
+            ends: dict = {p: [] for p in layer}
             for a, b in links:
                 near, far = (b, a) if down else (a, b)
                 if near in ends and far in place:

@@ -284,7 +284,8 @@ def test_reading_a_controller_loads_tasks_but_no_evolution(path, header):
     write(path, header, THETA)
     program = (
         'import sys; from snca_ros.nodes import own_part\n'
-        f"own_part.load_own_part({str(path)!r}, 'voxel_0_0', {{}}, 'here')\n"
+        'from snca_ros.faults import NO_FAULTS\n'
+        f"own_part.load_own_part({str(path)!r}, 'voxel_0_0', NO_FAULTS, 'here')\n"
         "print(sorted(name for name in sys.modules if name.startswith('snca_ros.evolution.')), "
         "'pymunk' in sys.modules)"
     )
