@@ -124,7 +124,7 @@ def _sweep(constraint, h):
 
 
 def layout_of(pointer: Any, layout: np.dtype) -> np.ndarray:
-    """Return a writable view, (1,) of dtype `layout`, of the struct that a cffi pointer points to."""
+    """Return a writable view, (1,) of dtype `layout`, of the struct at a cffi pointer."""
     return np.frombuffer(ffi.buffer(ffi.cast('char *', pointer), layout.itemsize), layout)
 
 

@@ -57,7 +57,7 @@ def test_a_field_that_is_not_declared_is_nobodys_concern():
     ('mode', ['grill'], ['gril', '', 3, None], 'one of fan, grill'),
     ('door', [True, 'ajar'], ['open', 1, 0, None, 2.5], 'one of false, true, ajar'),
     ('light', [False, True], ['true', 1, 0], 'one of false, true'),
-    ('label', ['', 'x'], [None, 3, b''], 'a text'),
+    ('label', ['', 'x'], [None, 3, b''], 'a string'),
     ('pairs', ['', 'abcd'], ['a', None, 3], 'a text of even length'),
 ])
 def test_values_are_taken_or_refused_by_name(name, good, bad, expected):

@@ -56,8 +56,8 @@ def test_a_held_actuation_acts_until_its_voxel_is_silent():
     answers.open_step()
     assert not answers.take(1, 1, 0.75, step=2, now=0.25)  # late, and still the newest
     np.testing.assert_array_equal(answers.close_step(2), [0.25, 0.75])
-    assert answers.let_go(0.5, 0.25) == ['voxel_0_0']
-    assert answers.let_go(0.5, 0.25) == []
+    assert answers.mark_silent(0.5, 0.25) == ['voxel_0_0']
+    assert answers.mark_silent(0.5, 0.25) == []
     answers.open_step()
     np.testing.assert_array_equal(answers.close_step(3), [0.0, 0.75])
     assert answers.silent == {'voxel_0_0'}
