@@ -22,9 +22,9 @@ class Link:
         self.newest = -1
         self._missing: dict[int, None] = {}  # an ordered set of steps
 
-    def close_step(self, step: int, came: bool) -> None:
+    def close_step(self, step: int, arrived: bool) -> None:
         """Record, when the message of a step is needed, whether it has arrived."""
-        if came:
+        if arrived:
             self.on_time += 1
             self.newest = step
             return

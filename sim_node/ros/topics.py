@@ -166,7 +166,7 @@ class RobotMarkers:
     def decode(self, data: bytes) -> np.ndarray | None:
         """Return the corners, (n, 4, 2) [m], in a message of `encode`; None for other messages."""
         try:
-            _, (fill,) = self._wire.decode(data[: self._size], 'voxels_points')  # DDS appends padding
+            _, (fill,) = self._wire.decode(data[: self._size], 'voxels_points')  # DDS adds padding
         except Exception:  # rclpy raises various errors for other layouts
             return None
         return fill.reshape(-1, len(_TRIANGLES), 3)[:, _CORNERS][..., [0, 2]]
