@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.batched import new_robots, seconds
 from benchmarks.command import run_part
-from sim_node.batched.springs import get_velocity, pull, set_velocity
+from sim_node.batched.springs import get_velocity, set_velocity, solve_spring
 from sim_node.batched.state import SPIN, VX, VY
 from sim_node.numerics.jit import compiled, compiled_kernel
 from sim_node.simulation import Simulation
@@ -26,13 +26,15 @@ def by_type(group, springs, masses, n):
     for _ in range(n):
         for k in range(springs.shape[0]):
             a, b = group.spring_ends[k, 0], group.spring_ends[k, 1]
-            va, vb = pull(springs, k, get_velocity(masses, a), get_velocity(masses, b))
+            va, vb = solve_spring(
+                springs, k, get_velocity(masses, a), get_velocity(masses, b)
+            )
             set_velocity(masses, a, va)
             set_velocity(masses, b, vb)
 
 
 def _loop(springs, a, b):
-    """Do what `pull` does, for a spring (8, W) between masses (11, W), lane after lane."""
+    """Do what `solve_spring` does, for a spring (8, W) between masses (11, W), lane after lane."""
     for i in range(16):
         nx, ny, arm_a, arm_b = springs[0, i], springs[1, i], springs[2, i], springs[3, i]
         target, share = springs[6, i], springs[4, i]

@@ -1,7 +1,7 @@
-"""The body and its world: voxels, masses and springs on a terrain, stepped by a physics engine.
+"""The robot's body and its world: voxels, masses and springs on a terrain, and physics engines.
 
-The body knows no mind: nothing in here imports `snca_ros`. The names below are imported when they
-are first used, so that what needs none of them starts fast.
+This package does not depend on the controllers: it never imports `snca_ros`. The names below are
+imported at their first use, to keep the import of this package fast.
 """
 
 from importlib import import_module

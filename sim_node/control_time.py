@@ -1,4 +1,4 @@
-"""Control steps as time stamps and back: exact, in integers."""
+"""Exact conversion between control steps and ROS time stamps, in integers."""
 
 from sim_node.errors import InvalidInput
 
@@ -6,17 +6,17 @@ CONTROL_RATE = 60
 """Control steps per second (paper: f_k = 60 Hz)."""
 
 START_STEPS = 2
-"""Steps that are made in lock-step even in real time: nodes have to start and find each other."""
+"""First steps in lock-step even in real time, while nodes start and discover each other."""
 
 
 def stamp_of_step(step: int) -> tuple[int, int]:
-    """Return (sec, nanosec) of control step `step`, k/60 s rounded down to a nanosecond."""
+    """Return (sec, nanosec) of a control step: step / 60 s, rounded down to a nanosecond."""
     sec, rest = divmod(step, CONTROL_RATE)
     return sec, rest * 10**9 // CONTROL_RATE
 
 
 def step_of_stamp(sec: int, nanosec: int) -> int:
-    """Return the control step of a stamp; InvalidInput if the stamp is not one of a step."""
+    """Return the control step of a stamp; raise InvalidInput if it is not the time of a step."""
     step = sec * CONTROL_RATE + (nanosec * CONTROL_RATE + 10**9 - 1) // 10**9
     if sec < 0 or stamp_of_step(step) != (sec, nanosec):
         raise InvalidInput('stamp', (sec, nanosec), f'a multiple of 1/{CONTROL_RATE} s')

@@ -1,4 +1,4 @@
-"""Pictures of a robot on its terrain; what shows it in RViz takes its colours from here, too."""
+"""Pictures of a robot on its terrain, and the colours of voxels in pictures and in RViz."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -7,7 +7,7 @@ import numpy as np
 
 from sim_node.model.terrain import Terrain
 
-if TYPE_CHECKING:  # nodes need the colours only; Pillow is loaded when a picture is drawn
+if TYPE_CHECKING:  # nodes need only the colours: Pillow is imported when a picture is drawn
     from PIL.Image import Image
     from PIL.ImageDraw import ImageDraw
 
@@ -15,11 +15,14 @@ _SKY, _SOIL, _SURFACE = '#f6f7f9', '#d9d3c7', '#6b6255'
 _INK, _OUTLINE = '#2b2b2b', '#2b2b2b'
 
 _OVERSAMPLING = 3
-_LABELLED = 5  # every so many metres a tick mark of the ground is long and has a number
+_LABELLED = 5  # metres between the long tick marks, which have a number
 
 
 def area_colors(area_ratios: np.ndarray) -> np.ndarray:
-    """Return (..., 4) RGBA of ratios: orange if contracted, pale at rest, blue if expanded."""
+    """Return the RGBA colours, (..., 4) in [0, 1], of area ratios relative to rest.
+
+    Orange is contracted, pale at rest, blue expanded.
+    """
     t = np.clip((np.asarray(area_ratios) - 0.75) / 0.5, 0.0, 1.0)[..., None]
     small, rest, large = np.array([[0.84, 0.37, 0.0], [0.96, 0.93, 0.82], [0.0, 0.45, 0.70]])
     rgb = np.where(t < 0.5, small + (rest - small) * 2 * t, rest + (large - rest) * (2 * t - 1))
@@ -28,12 +31,12 @@ def area_colors(area_ratios: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class View:
-    """What part of the world a picture shows.
+    """The part of the world that a picture shows.
 
     Attributes:
         left, bottom: the picture's lower left corner [m].
         scale: pixels per metre.
-        width, height: of the picture [pixels].
+        width, height: size of the picture [pixels].
     """
 
     left: float
@@ -43,7 +46,7 @@ class View:
     height: int
 
     def pixels(self, points: np.ndarray) -> np.ndarray:
-        """Return the (..., 2) pixel coordinates, y downwards, of (..., 2) points [m]."""
+        """Return the pixel coordinates (..., 2), y downwards, of points (..., 2) [m]."""
         points = np.asarray(points, dtype=float)
         x = (points[..., 0] - self.left) * self.scale
         y = self.height - (points[..., 1] - self.bottom) * self.scale
@@ -59,8 +62,8 @@ def draw_frame(
         corners: (n, 4, 2) outer corners [m] of its voxels.
         colors: (n, 4) RGBA in [0, 1], as from `area_colors`; A is ignored.
         terrain: the ground.
-        view: what to show.
-        text: to write into the upper left corner.
+        view: the part of the world to show.
+        text: caption in the upper left corner.
     """
     from PIL import Image, ImageDraw
 

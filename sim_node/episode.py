@@ -1,4 +1,4 @@
-"""Episodes of a simulation: their names, which say by which physics the body moves."""
+"""Names of a simulation's episodes, which encode the physics, and frame_ids that contain them."""
 
 import re
 import secrets
@@ -11,20 +11,20 @@ from sim_node.model.physics import UNNAMED_PHYSICS
 EXAMPLE_EPISODE = b'EPISODE.'
 
 UNKNOWN_PHYSICS = 'unknown'
-"""What episodes have whose name this version does not understand."""
+"""The physics of an episode whose name has no known form."""
 
 _LENGTH = len(EXAMPLE_EPISODE)
 _INITIALS = {'reference': 'r', 'first': ''}
-"""What names of episodes begin with, by physics; no two the same, none a hexadecimal digit."""
+"""First letter of an episode's name by physics: all different, none a hexadecimal digit."""
 
 
 def new_episode(physics: str) -> np.ndarray:
-    """Return a name that no other episode has, (8,) uint8 of ASCII.
+    """Return a new random name of an episode, (8,) uint8 of ASCII.
 
-    It is what `_INITIALS` has for the physics, filled up with hexadecimal digits. The simulation
-    draws a name whenever it starts or is reset. Sensors carry it in their frame_id,
-    `<voxel>@<episode>`, and voxels repeat it in whatever they say in answer: nobody takes a
-    message of another episode, or of another simulation, for one of this.
+    It is the initial of the physics, followed by hexadecimal digits. The simulation draws a name
+    whenever it starts or is reset. Messages of sensors have it in their frame_id,
+    `<voxel>@<episode>`, and voxels copy it into all their messages, so that receivers can discard
+    messages of other episodes and simulations.
 
     Args:
         physics: one of `sim_node.model.physics.PHYSICS`.
@@ -34,9 +34,9 @@ def new_episode(physics: str) -> np.ndarray:
 
 
 def physics_of_episode(name: bytes) -> str:
-    """Return the physics of an episode, by its name; `UNKNOWN_PHYSICS` if it is of no known form.
+    """Return the physics of an episode by its name; `UNKNOWN_PHYSICS` if the form is not known.
 
-    The name is empty in bags that are older than the names of episodes.
+    Bags that are older than the names of episodes have an empty name.
     """
     if not name:
         return UNNAMED_PHYSICS
@@ -48,17 +48,17 @@ def physics_of_episode(name: bytes) -> str:
 
 
 def frame_of(voxel: str, episode: bytes = EXAMPLE_EPISODE) -> str:
-    """Return the frame_id of what concerns a voxel in an episode."""
+    """Return the frame_id of a voxel's messages in an episode."""
     return f'{voxel}@{episode.decode()}'
 
 
 def episode_of(frame: str) -> bytes:
-    """Return the name of the episode in a frame_id; empty if there is none."""
+    """Return the name of the episode in a frame_id; empty if it has none."""
     return frame.partition('@')[2].encode()
 
 
 def check_frame(voxel: str, frame: str) -> None:
-    """Raise InvalidInput if `frame` is not the voxel's in any episode."""
-    place, _, episode = frame.rpartition('@')
-    if place != voxel or len(episode.encode()) != _LENGTH:
+    """Raise InvalidInput if `frame` is not a frame_id of this voxel, in any episode."""
+    found, _, episode = frame.rpartition('@')
+    if found != voxel or len(episode.encode()) != _LENGTH:
         raise InvalidInput('frame_id', frame, frame_of(voxel, b'<digits>'))

@@ -1,19 +1,19 @@
-"""The one exception that says a person's input cannot be used."""
+"""The exception for invalid input from users, and checks of names that raise it."""
 
 import difflib
 import reprlib
 from collections.abc import Iterable
 
-_SHORT = reprlib.Repr()  # a few lines of YAML can name each other into a text of any length
+_SHORT = reprlib.Repr()  # a few lines of YAML with aliases can expand to any length
 _SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxdict = 4, 20, 20
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 80
 
 
 class InvalidInput(ValueError):
-    """Input from outside (a name, a file, a parameter) that cannot be used.
+    """Invalid input from outside: a name, a file, a parameter.
 
-    The text is one line that names the source, the field, the value and what was expected, so that
-    a command can print it as it is and stop.
+    The message is one line with the source, the field, the value and the expectation. A command
+    prints it unchanged and exits.
     """
 
     def __init__(self, field: str, value: object, expected: str, source: str = '') -> None:
@@ -28,20 +28,20 @@ class InvalidInput(ValueError):
         return type(self), (self.field, self.value, self.expected, self.source)
 
     def found_in(self, source: str) -> 'InvalidInput':
-        """Return the same complaint with `source` (a file, a node) named before it."""
+        """Return the same error with `source` (a file, a node) in front of its own source."""
         inner = f'{source}: {self.source}' if self.source else source
         return InvalidInput(self.field, self.value, self.expected, inner)
 
 
 def near_miss(name: str, known: Iterable[str]) -> str:
-    """Return ", did you mean ...?" when `name` almost is one of `known`, else an empty text."""
+    """Return " (did you mean '...'?)" if `name` is close to one of `known`, else ''."""
     folded = {k.lower(): k for k in known}
     close = difflib.get_close_matches(name.lower(), folded, n=1)
     return f" (did you mean '{folded[close[0]]}'?)" if close else ''
 
 
 def check_name(field: str, name: object, known: Iterable[str], source: str = '') -> None:
-    """Raise InvalidInput, with a hint, if `name` is not one of `known`."""
+    """Raise InvalidInput, with the closest known name, if `name` is not one of `known`."""
     known = tuple(known)
     if name not in known:
         expected = f'one of {", ".join(known)}' + near_miss(str(name), known)
@@ -49,7 +49,7 @@ def check_name(field: str, name: object, known: Iterable[str], source: str = '')
 
 
 def check_keys(field: str, values: dict, known: Iterable[str]) -> None:
-    """Raise InvalidInput, with a hint, if `values` has a key that is not one of `known`."""
+    """Raise InvalidInput, with the closest known key, if a key of `values` is not in `known`."""
     known = tuple(known)
     for key in values:
         check_name(field, key, known)

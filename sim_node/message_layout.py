@@ -1,8 +1,9 @@
-"""Where the fields of messages lie in their bytes: a message of fixed layout as a numpy dtype.
+"""Layouts of serialised ROS messages (CDR) as numpy dtypes.
 
-The bytes are CDR, little endian: 4 bytes that say so, then the fields in the order of the message's
-definition, each at a multiple of its size, counted from behind these 4. A string is its length
-with the zero behind it, its characters, and the zero; a sequence is its length and its items.
+The encoding is little-endian CDR: an encapsulation header of 4 bytes, then the fields in the order
+of the message's definition, each aligned to its size from the end of the header. A string is its
+length including the terminating zero, its characters, and the zero; a sequence is its length and
+its items. Where lengths vary, a layout is that of a message with the given strings and lengths.
 """
 
 from collections.abc import Sequence
@@ -10,12 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 
 _ENCAPSULATION = 4
-_Field = tuple[str, str]  # its name, and its kind and shape in numpy's words
+_Field = tuple[str, str]  # name, and numpy type string
 _STAMP: tuple[_Field, ...] = (('sec', '<i4'), ('nanosec', '<u4'))
 
 
 def joint_state(voxel: str, episode: bytes, names: Sequence[str]) -> np.dtype:
-    """Return the layout of a sensor_msgs/JointState with a `position` for each of the names."""
+    """Return the layout of a sensor_msgs/JointState with one `position` per name."""
     return _layout(
         *_header_of_voxel(voxel, episode),
         ('name.size', '<u4'),
@@ -26,7 +27,7 @@ def joint_state(voxel: str, episode: bytes, names: Sequence[str]) -> np.dtype:
 
 
 def image(voxel: str, episode: bytes, encoding: str, n_bytes: int) -> np.dtype:
-    """Return the layout of a sensor_msgs/Image with so many bytes of `data`."""
+    """Return the layout of a sensor_msgs/Image with `n_bytes` bytes of data."""
     return _layout(
         *_header_of_voxel(voxel, episode),
         ('height', '<u4'), ('width', '<u4'), *_string('encoding', encoding),
@@ -41,7 +42,7 @@ def clock() -> np.dtype:
 
 
 def odometry(frame: str, child_frame: str) -> np.dtype:
-    """Return the layout of a nav_msgs/Odometry, with `position` and `velocity` of three."""
+    """Return the layout of a nav_msgs/Odometry with `position` (3,) and linear `velocity` (3,)."""
     return _layout(
         *_STAMP, *_string('frame_id', frame), *_string('child_frame_id', child_frame),
         ('position', '(3,)<f8'), ('orientation', '(4,)<f8'), ('covariance', '(36,)<f8'),
@@ -53,8 +54,8 @@ def markers(*described: tuple[str, str, int, int]) -> np.dtype:
     """Return the layout of a visualization_msgs/MarkerArray.
 
     Args:
-        described: for each marker its frame, namespace, and number of points and of colours; its
-            fields are called `<namespace>_points`, `<namespace>_colors` and so on.
+        described: frame, namespace, number of points and number of colours of each marker. Its
+            fields are named `<namespace>_points`, `<namespace>_colors` and so on.
     """
     return _layout(
         ('markers.size', '<u4'), *(field for marker in described for field in _marker(*marker))
@@ -79,7 +80,7 @@ def _marker(frame: str, namespace: str, n_points: int, n_colors: int) -> list[_F
 
 
 def _header_of_voxel(voxel: str, episode: bytes) -> list[_Field]:
-    """Return the fields of a header whose frame_id ends with the `episode`."""
+    """Return the fields of a std_msgs/Header with frame_id `<voxel>@<episode>`."""
     before = f'{voxel}@'.encode()
     return [
         *_STAMP, ('frame_id.size', '<u4'), ('frame_id', f'S{len(before)}'),
@@ -95,7 +96,7 @@ def _layout(*fields: _Field) -> np.dtype:
     names, formats, offsets, end = [], [], [], _ENCAPSULATION
     for name, kind in fields:
         field = np.dtype(kind)
-        if field.itemsize:  # a sequence without items does not move what comes after it
+        if field.itemsize:  # an empty sequence adds no padding before the next field
             end += -(end - _ENCAPSULATION) % field.alignment
         names.append(name)
         formats.append(field)
@@ -105,7 +106,7 @@ def _layout(*fields: _Field) -> np.dtype:
 
 
 def place(layout: np.dtype, name: str) -> slice:
-    """Return where a field lies in a message's bytes."""
+    """Return the slice of a message's bytes that holds a field."""
     assert layout.fields is not None
     kind, begin = layout.fields[name][:2]
     return slice(begin, begin + kind.itemsize)

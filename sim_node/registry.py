@@ -1,9 +1,9 @@
-"""Engines, sensors, neuron models, tasks and strategies, each kind in a registry by name.
+"""Registries of engines, sensors, neuron models, tasks and strategies by name, and plug-ins.
 
-To add one from outside this project, write it in a module of your own that calls `register`, and
-name that module in the environment variable SNCA_PLUGINS (several are separated by commas): every
-command, node and worker process imports it when it first looks something up. No file that is read,
-such as a controller file, causes an import.
+To add an entry from outside this project, write a module that calls `register`, and name it in the
+environment variable SNCA_PLUGINS (separate several by commas). Every command, node and worker
+process imports the module at its first lookup in a registry. Files that are read, such as
+controller files, never cause an import.
 """
 
 import importlib
@@ -15,53 +15,58 @@ from typing import Generic, TypeVar, cast
 from sim_node.errors import InvalidInput, check_name
 
 PLUGINS = 'SNCA_PLUGINS'
-"""The environment variable that names modules to import."""
+"""Environment variable with the names of plug-in modules."""
 
 T = TypeVar('T')
 
 
 class Registry(MutableMapping[str, T], Generic[T]):
-    """Things of one kind by name, in the order in which they were registered.
+    """The entries of one kind by name, in the order of registration.
 
     Args:
-        kind: what they are, as errors name it, such as 'neuron_model'.
-        entries: the things of this project; a text 'module:name' is imported when it is needed.
+        kind: the kind of entry as errors name it, such as 'neuron_model'.
+        entries: the entries of this project. A string 'module:name' is imported at its first use.
     """
 
     def __init__(self, kind: str, entries: dict[str, T | str]) -> None:
         self.kind, self._entries = kind, dict(entries)
 
-    def register(self, name: str, thing: T) -> None:
-        """Add a thing; once more is no error.
+    def register(self, name: str, entry: T) -> None:
+        """Add an entry. Adding the same entry again has no effect.
 
         Raises:
-            InvalidInput: the name is taken by another thing, or is not one that a file can hold.
+            InvalidInput: the name is taken by another entry, or is empty, has a space or is not
+                printable.
         """
         if not isinstance(name, str) or not name or not name.isprintable() or ' ' in name:
             raise InvalidInput(self.kind, name, 'a name without spaces')
-        if self._entries.get(name, thing) is not thing:
+        if self._entries.get(name, entry) is not entry:
             taken = ', '.join(self._entries)
             raise InvalidInput(self.kind, name, f'a name that is not taken, unlike {taken}')
-        self._entries[name] = thing
+        self._entries[name] = entry
 
     def find(self, name: object, source: str = '') -> T:
-        """Return the thing of that name.
+        """Return the entry of that name.
+
+        Args:
+            name: the name.
+            source: where it was given (a file, a node), for the error.
 
         Raises:
-            InvalidInput: there is none; the text lists the known names. `source` is named in it.
+            InvalidInput: there is no such entry; the message lists the known names.
         """
         check_name(self.kind, name, self, source)
         return self[cast(str, name)]
 
     def __getitem__(self, name: str) -> T:
         _import_plugins()
-        thing = self._entries[name]
-        if isinstance(thing, str):
-            thing = self._entries[name] = cast(T, resolve_name(thing))
-        return thing
+        entry = self._entries[name]
+        if isinstance(entry, str):
+            entry = self._entries[name] = cast(T, resolve_name(entry))
+        return entry
 
-    def __setitem__(self, name: str, thing: T) -> None:
-        self.register(name, thing)
+    def __setitem__(self, name: str, entry: T) -> None:
+        self.register(name, entry)
 
     def __delitem__(self, name: str) -> None:
         del self._entries[name]
@@ -83,7 +88,7 @@ _imported: list[str] = []
 
 
 def _import_plugins() -> None:
-    """Import the modules that SNCA_PLUGINS names, once per process.
+    """Import the modules named in SNCA_PLUGINS, once per process.
 
     Raises:
         InvalidInput: one of them cannot be imported.
@@ -91,7 +96,7 @@ def _import_plugins() -> None:
     for module in os.environ.get(PLUGINS, '').replace(',', ' ').split():
         if module in _imported:
             continue
-        _imported.append(module)  # first, for a plug-in looks things up itself
+        _imported.append(module)  # before the import, since a plug-in itself makes lookups
         try:
             importlib.import_module(module)
         except Exception as error:

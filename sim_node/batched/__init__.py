@@ -1,1 +1,1 @@
-"""The second engine: Munk2D's algorithm for many robots of one shape in SIMD lanes."""
+"""The batched engine: Munk2D's algorithm for many robots of one shape in SIMD lanes."""

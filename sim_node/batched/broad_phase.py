@@ -1,4 +1,4 @@
-"""The broad phase: which polygons a mass may touch, and when Munk2D meets them anew (cpBBTree)."""
+"""The broad phase: candidate polygons of each mass, and its enlarged bounding box (cpBBTree)."""
 
 from sim_node.batched.state import BOX_GROWTH, COS, SIN, VX, VY, X, Y
 from sim_node.numerics.jit import inlined_part
@@ -7,7 +7,7 @@ from sim_node.numerics.lanes import any_lane, load, select, store
 
 @inlined_part
 def near_polygons(group, i):
-    """Return the range of polygons that some lane's mass i may touch."""
+    """Return (first, end), the range of polygons that mass i may touch in at least one lane."""
     n = group.left_sides.shape[0]
     if n <= 3:
         return 0, n
@@ -34,11 +34,11 @@ def _before(values, x):
 
 
 @inlined_part
-def left_box(masses, boxes, half, i):
-    """Tell in which lanes a mass has left its box of the broad phase, and give it a new one.
+def update_box(masses, boxes, half, i):
+    """Renew the box of mass i where the mass is no longer inside; return the mask of those lanes.
 
-    Munk2D meets a mass's neighbours in one order in the step in which it gets a new box, and in
-    the reverse order in the steps after that (cpBBTree.c): the order in which contacts act.
+    Munk2D finds the contacts of a mass in one order in the step in which its box is renewed, and
+    in the reverse order in the following steps (cpBBTree.c). Contacts are solved in that order.
     """
     x, y = load(masses, i, X), load(masses, i, Y)
     reach = half * (abs(load(masses, i, COS)) + abs(load(masses, i, SIN)))
@@ -47,14 +47,14 @@ def left_box(masses, boxes, half, i):
         (load(boxes, i, 0) <= left) & (load(boxes, i, 1) <= bottom)
         & (load(boxes, i, 2) >= right) & (load(boxes, i, 3) >= top)
     )
-    moved = ~inside
-    if any_lane(moved):
+    renewed = ~inside
+    if any_lane(renewed):
         ahead_x = load(masses, i, VX) * BOX_GROWTH
         ahead_y = load(masses, i, VY) * BOX_GROWTH
-        room_x, room_y = (right - left) * BOX_GROWTH, (top - bottom) * BOX_GROWTH
+        margin_x, margin_y = (right - left) * BOX_GROWTH, (top - bottom) * BOX_GROWTH
         for side, new in (
-            (0, left + min(-room_x, ahead_x)), (1, bottom + min(-room_y, ahead_y)),
-            (2, right + max(room_x, ahead_x)), (3, top + max(room_y, ahead_y)),
+            (0, left + min(-margin_x, ahead_x)), (1, bottom + min(-margin_y, ahead_y)),
+            (2, right + max(margin_x, ahead_x)), (3, top + max(margin_y, ahead_y)),
         ):
-            store(boxes, i, side, select(moved, new, load(boxes, i, side)))
-    return moved
+            store(boxes, i, side, select(renewed, new, load(boxes, i, side)))
+    return renewed

@@ -6,18 +6,18 @@ starting after Catto, "Iterative dynamics with temporal coherence" (2005).
 """
 
 from sim_node.batched.contacts import (
-    apply_contacts_of_last_step,
     find_contacts,
-    mend_overlaps,
-    push_contacts,
+    solve_contacts,
+    solve_overlaps,
+    warm_start_contacts,
 )
-from sim_node.batched.joints import apply_joints_of_last_step, limit, prepare_joints, weld
+from sim_node.batched.joints import prepare_joints, solve_limit, solve_weld, warm_start_joints
 from sim_node.batched.springs import (
     get_velocity,
-    pull,
+    prepare_explicit_springs,
+    prepare_implicit_springs,
     set_velocity,
-    soften_springs,
-    stretch_springs,
+    solve_spring,
 )
 from sim_node.batched.state import ANGLE, BIAS_X, COS, N_LIMITS, N_SPRINGS, SIN, X, Y
 from sim_node.numerics.elementary_functions import sine_cosine
@@ -29,38 +29,38 @@ from sim_node.numerics.lanes import load, store
 def physics_step(group):
     """Advance all robots of the group by `group.dt`.
 
-    In the reference's order: velocities, poses, contacts at these. Chipmunk's step begins with
-    the poses, which puts the end of a step elsewhere in the same sequence.
+    The reference's order is velocities, poses, contacts at these poses. Chipmunk runs through the
+    same cycle, but its step begins with the poses.
     """
     group.step_count[0] += 1.0
     if not group.current_poses:
-        move(group.masses, group.dt, group.per_rho)
+        move_masses(group.masses, group.dt, group.per_rho)
         find_contacts(group)
     if group.implicit_springs:
-        fall(group.masses, group.damping, group.fall)
-        soften_springs(group)
+        apply_gravity(group.masses, group.damping, group.fall)
+        prepare_implicit_springs(group)
     else:
-        stretch_springs(group)
-        fall(group.masses, group.damping, group.fall)
+        prepare_explicit_springs(group)
+        apply_gravity(group.masses, group.damping, group.fall)
     prepare_joints(group)
-    apply_contacts_of_last_step(group)
-    apply_joints_of_last_step(group)
-    mend_overlaps(group)
+    warm_start_contacts(group)
+    warm_start_joints(group)
+    solve_overlaps(group)
     for _ in range(group.iterations):
-        push_contacts(group)
+        solve_contacts(group)
         sweep(group)
     if group.current_poses:
-        move(group.masses, group.dt, group.per_rho)
+        move_masses(group.masses, group.dt, group.per_rho)
         find_contacts(group)
 
 
 @compiled_part
-def move(masses, dt, per_rho):
-    """Move all masses by their velocities and by those that mend overlaps, which end here."""
+def move_masses(masses, dt, inv_gyration_radius):
+    """Move all masses by their velocities and bias velocities, and reset the bias velocities."""
     for i in range(masses.shape[0]):
         vx, vy, spin = get_velocity(masses, i)
         bias_x, bias_y, bias_spin = get_velocity(masses, i, BIAS_X)
-        angle = load(masses, i, ANGLE) + (spin + bias_spin) * (dt * per_rho)
+        angle = load(masses, i, ANGLE) + (spin + bias_spin) * (dt * inv_gyration_radius)
         s, c = sine_cosine(angle)
         store(masses, i, X, load(masses, i, X) + (vx + bias_x) * dt)
         store(masses, i, Y, load(masses, i, Y) + (vy + bias_y) * dt)
@@ -71,20 +71,25 @@ def move(masses, dt, per_rho):
 
 
 @compiled_part
-def fall(masses, damping, change):
-    """Damp all velocities and let gravity act."""
+def apply_gravity(masses, damping, speed_gain):
+    """Damp all velocities and apply gravity.
+
+    Args:
+        damping: factor on the velocities.
+        speed_gain: gravity times the physics step [m/s].
+    """
     for i in range(masses.shape[0]):
         vx, vy, spin = get_velocity(masses, i)
-        vx, vy = vx * damping + 0.0, vy * damping - change
+        vx, vy = vx * damping + 0.0, vy * damping - speed_gain
         set_velocity(masses, i, (vx, vy, spin * damping + 0.0))
 
 
 @compiled_part
 def sweep(group):
-    """Let every constraint act once, in the order in which they entered Munk2D's space.
+    """Solve every spring, limit and weld once, in the order in which they enter Munk2D's space.
 
-    There a voxel's welds follow its springs and limits. They join it to voxels before it, so that
-    they may as well come after the springs and limits of all.
+    There the welds of a voxel follow its springs and limits. They join it to voxels before it, so
+    the result is the same if all welds follow the springs and limits of all voxels.
     """
     masses, springs, limits, welds = group.masses, group.springs, group.limits, group.welds
     for voxel in range(limits.shape[0] // N_LIMITS):
@@ -92,31 +97,31 @@ def sweep(group):
         nw, ne = get_velocity(masses, i), get_velocity(masses, i + 1)
         se, sw = get_velocity(masses, i + 2), get_velocity(masses, i + 3)
         for j in range(k, k + 4):
-            nw, ne = pull(springs, j, nw, ne)
+            nw, ne = solve_spring(springs, j, nw, ne)
         for j in range(k + 4, k + 8):
-            ne, se = pull(springs, j, ne, se)
+            ne, se = solve_spring(springs, j, ne, se)
         for j in range(k + 8, k + 12):
-            se, sw = pull(springs, j, se, sw)
+            se, sw = solve_spring(springs, j, se, sw)
         for j in range(k + 12, k + 16):
-            sw, nw = pull(springs, j, sw, nw)
-        nw, se = pull(springs, k + 16, nw, se)
-        ne, sw = pull(springs, k + 17, ne, sw)
+            sw, nw = solve_spring(springs, j, sw, nw)
+        nw, se = solve_spring(springs, k + 16, nw, se)
+        ne, sw = solve_spring(springs, k + 17, ne, sw)
         if group.active[limits.shape[0] + voxel]:
             if group.active[m]:
-                nw, ne = limit(limits, m, nw, ne)
+                nw, ne = solve_limit(limits, m, nw, ne)
             if group.active[m + 1]:
-                ne, se = limit(limits, m + 1, ne, se)
+                ne, se = solve_limit(limits, m + 1, ne, se)
             if group.active[m + 2]:
-                se, sw = limit(limits, m + 2, se, sw)
+                se, sw = solve_limit(limits, m + 2, se, sw)
             if group.active[m + 3]:
-                sw, nw = limit(limits, m + 3, sw, nw)
+                sw, nw = solve_limit(limits, m + 3, sw, nw)
         set_velocity(masses, i, nw)
         set_velocity(masses, i + 1, ne)
         set_velocity(masses, i + 2, se)
         set_velocity(masses, i + 3, sw)
     for k in range(0, welds.shape[0], 2):
         i, j = group.weld_ends[k, 0], group.weld_ends[k, 1]
-        a, b = weld(welds, k, get_velocity(masses, i), get_velocity(masses, j))
-        a, b = weld(welds, k + 1, a, b)
+        a, b = solve_weld(welds, k, get_velocity(masses, i), get_velocity(masses, j))
+        a, b = solve_weld(welds, k + 1, a, b)
         set_velocity(masses, i, a)
         set_velocity(masses, j, b)

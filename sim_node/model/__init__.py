@@ -1,1 +1,1 @@
-"""What a robot and its world are: shape, ground, material, masses and springs, sensors, faults."""
+"""The model of a robot and its world: shape, ground, material, masses, springs, sensors, faults."""

@@ -1,8 +1,8 @@
-"""Morphology and material become tables of masses and constraints, for every engine the same.
+"""Tables of a robot's masses and constraints, built from morphology and material for all engines.
 
-The order in which masses and constraints enter a space decides an engine's result and is part of
-the model: per voxel its 4 masses; then per voxel its 18 springs, its 4 contraction limits and its
-welds to neighbours with a smaller index.
+The order in which masses and constraints are added to an engine affects its result, so it is part
+of the model: first the 4 masses of each voxel; then, voxel by voxel, its 18 springs, its 4
+contraction limits and its welds to neighbours with a smaller index.
 """
 
 import math
@@ -19,24 +19,24 @@ CORNERS = ((-1, 1), (1, 1), (1, -1), (-1, -1))
 """Signs of (x, y) of a voxel's four corner masses: NW, NE, SE, SW."""
 
 SPRING, LIMIT, WELD = range(3)
-"""Kinds of constraint: a damped spring; a least distance; a pivot, two anchors held together."""
+"""Kinds of constraint: damped spring; minimum distance; pivot, which keeps two anchors together."""
 
 PUSH = 1e-6
-"""How far a pushed start moves a mass in x and in y at most [m]."""
+"""Largest displacement of a mass in x and in y by a pushed start [m]."""
 
 _SIDES = ((0, 1), (1, 2), (2, 3), (3, 0))
 
 
 class Constraints(NamedTuple):
-    """What acts between two masses: one row per constraint, in the order of insertion.
+    """The constraints between pairs of masses, one row each, in the order of insertion.
 
     Attributes:
         kinds: (n,) `SPRING`, `LIMIT` or `WELD`.
         ends: (n, 2) indices of the masses a and b.
-        anchors: (n, 4) a's x, y and b's x, y [m], each in its mass's own axes.
-        rest: (n,) a spring's length at rest, a limit's least distance [m]; 0 for a weld.
-        stiffness: (n,) of a spring [N/m]; 0 for others.
-        damping: (n,) of a spring [N s/m]; 0 for others.
+        anchors: (n, 4) x, y on a and x, y on b [m], from the centre and in the axes of the mass.
+        rest: (n,) rest length of a spring, minimum distance of a limit [m]; 0 for a weld.
+        stiffness: (n,) stiffness of a spring [N/m]; 0 for others.
+        damping: (n,) damping of a spring [N s/m]; 0 for others.
     """
 
     kinds: np.ndarray
@@ -49,15 +49,15 @@ class Constraints(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A robot put down at rest: square masses, all alike (`Material`), and what joins them.
+    """A robot at rest at its start: equal square masses (`Material`) and their constraints.
 
     Masses that a weld joins do not collide.
 
     Attributes:
-        positions: (n_masses, 2) of the masses [m], in the order of `CORNERS`, voxel by voxel.
+        positions: (n_masses, 2) centres of the masses [m], per voxel in the order of `CORNERS`.
         constraints: 18 springs, 4 contraction limits and the welds of each voxel in turn.
-        rest_lengths: (3, n_springs) [m] at full contraction, at rest and at full expansion, 18 per
-            voxel in the order of the springs among the constraints.
+        rest_lengths: (3, n_springs) rest lengths [m] at full contraction, at rest and at full
+            expansion, in the order of the springs among the constraints.
     """
 
     positions: np.ndarray
@@ -66,9 +66,10 @@ class Body:
 
 
 def build_body(morphology: Morphology, terrain: Terrain, material: Material) -> Body:
-    """Return the robot's tables, placed as in 2D-VSR-Sim.
+    """Return the tables of a robot, placed as in 2D-VSR-Sim.
 
-    The robot's left-most point is 1 m past the left wall, its lowest point 1 m above the ground.
+    The robot's left-most point is 1 m right of the left wall, its smallest clearance above
+    the ground 1 m.
     """
     return Body(
         _positions(morphology, terrain, material),
@@ -78,7 +79,12 @@ def build_body(morphology: Morphology, terrain: Terrain, material: Material) -> 
 
 
 def pushed(body: Body, seed: int) -> Body:
-    """Return the robot with every mass moved by up to `PUSH` in x and in y; seed 0 moves none."""
+    """Return the body with every mass displaced at random by up to `PUSH` in x and in y.
+
+    Args:
+        body: the robot.
+        seed: of the displacements; 0 for none.
+    """
     if seed == 0:
         return body
     displacement = np.random.default_rng(seed).uniform(-PUSH, PUSH, body.positions.shape)
@@ -86,16 +92,17 @@ def pushed(body: Body, seed: int) -> Body:
 
 
 def placement(morphology: Morphology, terrain: Terrain, material: Material) -> tuple[float, float]:
-    """Return the world's (x, y) [m] of the lower left corner of the morphology's grid."""
+    """Return (x, y) [m], in the world, of the lower left corner of the morphology's grid."""
     x0, side = terrain.start + 1.0, material.side
-    room = (
+    clearances = (
         y * side - terrain.highest(x0 + x * side, x0 + (x + 1) * side)
         for x, y in morphology.cells
     )
-    return x0, 1.0 - min(room)
+    return x0, 1.0 - min(clearances)
 
 
 def _positions(morphology: Morphology, terrain: Terrain, material: Material) -> np.ndarray:
+    """Return the (n_masses, 2) centres [m] of the masses."""
     x0, y0 = placement(morphology, terrain, material)
     half, reach = material.side / 2, (material.side - material.mass_side) / 2
     return np.array([
@@ -106,7 +113,7 @@ def _positions(morphology: Morphology, terrain: Terrain, material: Material) -> 
 
 
 class _Row(NamedTuple):
-    """One constraint; anchors [m] on the masses a and b."""
+    """One row of `Constraints`; a and b are indices of masses."""
 
     kind: int
     a: int
@@ -119,6 +126,7 @@ class _Row(NamedTuple):
 
 
 def _constraints(morphology: Morphology, material: Material) -> Constraints:
+    """Return all constraints of a robot, in the order of insertion."""
     own = [*_springs(material), *_contraction_limits(material)]
     rows = []
     for i in range(morphology.n_voxels):
@@ -134,9 +142,9 @@ def _constraints(morphology: Morphology, material: Material) -> Constraints:
 
 
 def _spring_ends() -> list[tuple[int, int, tuple[float, float], tuple[float, float], int]]:
-    """List the 18 springs: (mass a, mass b, anchor on a, anchor on b, kind of rest length).
+    """Return the 18 springs of a voxel: mass a, mass b, anchor on a, anchor on b, kind.
 
-    Anchors are in half sides of a mass; kinds index `Material.rest_lengths`.
+    Anchors are in units of half the side of a mass; kinds index `Material.rest_lengths`.
     """
     ends = []
     for a, b in _SIDES:
@@ -144,11 +152,11 @@ def _spring_ends() -> list[tuple[int, int, tuple[float, float], tuple[float, flo
         along = ((bx - ax) / 2, (by - ay) / 2)  # unit vector from mass a to mass b
         outward = ((ax + bx) / 2, (ay + by) / 2)  # unit vector out of the voxel
 
-        def edge(sign: int, out: int, u=along, v=outward) -> tuple[float, float]:
+        def corner(sign: int, out: int, u=along, v=outward) -> tuple[float, float]:
             return sign * u[0] + out * v[0], sign * u[1] + out * v[1]
 
         for out_a, out_b, kind in ((1, 1, 0), (-1, -1, 0), (1, -1, 1), (-1, 1, 1)):
-            ends.append((a, b, edge(1, out_a), edge(-1, out_b), kind))
+            ends.append((a, b, corner(1, out_a), corner(-1, out_b), kind))
     ends.append((0, 2, (0.0, 0.0), (0.0, 0.0), 2))
     ends.append((1, 3, (0.0, 0.0), (0.0, 0.0), 2))
     return ends
@@ -158,7 +166,7 @@ _SPRING_ENDS = _spring_ends()
 
 
 def _springs(material: Material) -> list[_Row]:
-    """Return the 18 springs of a voxel; stiffness and damping follow from frequency and ratio."""
+    """Return the 18 springs of a voxel, with the material's frequency and damping ratio."""
     rest = material.rest_lengths(material.side)
     omega = 2.0 * math.pi * material.frequency
     half, reach = material.mass_side / 2, (material.side - material.mass_side) / 2
@@ -180,7 +188,7 @@ def _springs(material: Material) -> list[_Row]:
 def _effective_mass(
     material: Material, axis: tuple[float, float], *anchors: tuple[float, float]
 ) -> float:
-    """Return the mass [kg] that a spring along `axis` feels, at rest, at its two anchors."""
+    """Return the effective mass [kg] of a spring along `axis` between two anchors [m] at rest."""
     inverse = 0.0
     for x, y in anchors:
         inverse += 1.0 / material.mass + (x * axis[1] - y * axis[0]) ** 2 / material.moment
@@ -188,29 +196,34 @@ def _effective_mass(
 
 
 def _contraction_limits(material: Material) -> list[_Row]:
-    """Keep the masses along each side at least one mass side apart, centre to centre."""
+    """Return the 4 limits of a voxel: along each side, centres at least one mass side apart."""
     return [_Row(LIMIT, a, b, rest=material.mass_side) for a, b in _SIDES]
 
 
 def _welds(i: int, morphology: Morphology, material: Material) -> list[_Row]:
-    """Fix the facing masses of voxel `i` and its left and lower neighbours edge to edge.
+    """Return the welds of voxel `i` to its left and lower neighbours.
 
-    Two pivots, at both ends of the edge that a pair shares, hold position and angle.
+    Two masses that face each other are joined by two pivots at the ends of their common edge, which
+    fix position and angle.
     """
-    r = material.mass_side / 2
+    half = material.mass_side / 2
     welds = []
     for direction, pairs in ((1, ((0, 1), (3, 2))), (2, ((3, 0), (2, 1)))):
         j = morphology.neighbors[i, direction]
         if j < 0:
             continue
         for mine, theirs in pairs:
-            for t in (r, -r):
-                here, there = ((-r, t), (r, t)) if direction == 1 else ((t, -r), (t, r))
+            for t in (half, -half):
+                if direction == 1:
+                    here, there = (-half, t), (half, t)
+                else:
+                    here, there = (t, -half), (t, half)
                 welds.append(_Row(WELD, 4 * i + mine, 4 * j + theirs, here, there))
     return welds
 
 
 def _rest_lengths(morphology: Morphology, material: Material) -> np.ndarray:
+    """Return the (3, n_springs) rest lengths [m] of `Body`."""
     kinds = [kind for *_, kind in _SPRING_ENDS]
     changes = (-material.area_range, 0.0, material.area_range)
     rows = [material.rest_lengths(material.actuated_side(change)) for change in changes]

@@ -1,9 +1,9 @@
 """Where a square mass and a polygon of the ground overlap (Chipmunk's cpCollision).
 
-They touch along the axis in which they overlap least, one of the edges' normals (the
-separating-axis test; Munk2D finds the same axis by GJK and EPA). Of each shape the edge that faces
-the other is clipped by the other's: up to two points of contact. Everything is in lanes, relative
-to the mass's centre.
+The contact normal is the axis of least overlap among the normals of the edges (separating-axis
+test; Munk2D finds the same axis by GJK and EPA). The facing edge of each shape is clipped against
+that of the other, which gives up to two contact points. Values are numbers or lanes; coordinates
+are relative to the mass's centre.
 
 A polygon is (x0, x1, y0, y1, y2, tx, ty): corners (x0, y0) and (x1, y1) on top, left and right,
 (x0, y2) and (x1, y2) at the base; normal (tx, ty) of its top. A mass is (c, s, h): cosine and sine
@@ -12,6 +12,15 @@ of its angle, half its side.
 
 import numpy as np
 
+from sim_node.model.ground_polygons import (
+    BASE,
+    LEFT,
+    NORMAL_X,
+    NORMAL_Y,
+    RIGHT,
+    TOP_LEFT,
+    TOP_RIGHT,
+)
 from sim_node.numerics.elementary_functions import sine_cosine
 from sim_node.numerics.jit import compiled, inlined_part
 from sim_node.numerics.lanes import like, select
@@ -21,22 +30,23 @@ _TINY = 2.2250738585072014e-308  # keeps a division by zero finite, as in Munk2D
 
 @inlined_part
 def polygon_from(polygons, p, x, y):
-    """Return polygon p of the table as seen from masses at (x, y) [m]."""
+    """Return polygon p of the rows of `polygon_rows`, relative to masses at (x, y) [m]."""
     return (
-        polygons[p, 0] - x, polygons[p, 1] - x, polygons[p, 2] - y, polygons[p, 3] - y,
-        polygons[p, 4] - y, polygons[p, 5], polygons[p, 6],
+        polygons[p, LEFT] - x, polygons[p, RIGHT] - x,
+        polygons[p, TOP_LEFT] - y, polygons[p, TOP_RIGHT] - y, polygons[p, BASE] - y,
+        polygons[p, NORMAL_X], polygons[p, NORMAL_Y],
     )
 
 
 @compiled
 def touches_ground(mass, half, polygons, left_sides):
-    """Tell whether one square touches the ground, by the arithmetic of the lanes.
+    """Return whether one square mass touches the ground, by the functions that lanes use, too.
 
     Args:
         mass: (5,) x, y [m], angle [rad], ...
         half: half its side [m].
         polygons: (n, 8) rows of `polygon_rows`.
-        left_sides: (n,) x [m], increasing.
+        left_sides: (n,) x of their left sides [m], increasing.
     """
     x, y = mass[0], mass[1]
     s, c = sine_cosine(mass[2])
@@ -56,7 +66,10 @@ def touches_ground(mass, half, polygons, left_sides):
 
 @inlined_part
 def gaps_of_ground(polygon, mass):
-    """Return the gaps [m], negative in an overlap, along the normals of top, left and right."""
+    """Return the gaps [m] along the normals of the polygon's top, left and right side.
+
+    A negative gap is an overlap.
+    """
     x0, x1, y0, _, _, tx, ty = polygon
     c, s, h = mass
     reach = h * (abs(c) + abs(s))
@@ -82,7 +95,7 @@ def widest_gap(polygon, mass, gaps):
 
 @inlined_part
 def _wider(best, other):
-    """Return, lane by lane, of two axes (n_x, n_y, gap) the one with the wider gap."""
+    """Return, lane by lane, the one of two axes (n_x, n_y, gap) with the wider gap."""
     wider = other[2] > best[2]
     return (
         select(wider, other[0], best[0]),
@@ -105,19 +118,19 @@ def _extent(ux, uy, polygon):
 def contact_points(polygon, mass, nx, ny):
     """Return two points, each as x, y, depth, key; contacts where depth <= 0.
 
-    (x, y) on the mass [m] from its centre; depth [m], negative in the ground; the key tells by
-    which corners of both shapes the point was made.
+    (x, y) [m] lies on the mass, from its centre; depth [m] is negative inside the ground; the key
+    identifies the corners of both shapes that define the point.
     """
     ax, ay, bx, by, corner_a, corner_b = _edge_of_mass(mass, nx, ny)
     ex, ey, fx, fy, corner_e, corner_f = _edge_of_polygon(polygon, nx, ny)
-    # Each end of an edge projected on the other edge, along the normal.
+    # Each end of an edge is projected on the other edge, along the normal.
     at_a, at_b = ay * nx - ax * ny, by * nx - bx * ny
     at_e, at_f = ey * nx - ex * ny, fy * nx - fx * ny
-    per_ab, per_ef = 1.0 / (at_b - at_a + _TINY), 1.0 / (at_f - at_e + _TINY)
-    t, u = _clip((at_f - at_a) * per_ab), _clip((at_a - at_e) * per_ef)
+    inv_ab, inv_ef = 1.0 / (at_b - at_a + _TINY), 1.0 / (at_f - at_e + _TINY)
+    t, u = _clip((at_f - at_a) * inv_ab), _clip((at_a - at_e) * inv_ef)
     px, py = _lerp(ax, bx, t), _lerp(ay, by, t)
     depth_p = nx * (px - _lerp(ex, fx, u)) + ny * (py - _lerp(ey, fy, u))
-    t, u = _clip((at_e - at_a) * per_ab), _clip((at_b - at_e) * per_ef)
+    t, u = _clip((at_e - at_a) * inv_ab), _clip((at_b - at_e) * inv_ef)
     qx, qy = _lerp(ax, bx, t), _lerp(ay, by, t)
     depth_q = nx * (qx - _lerp(ex, fx, u)) + ny * (qy - _lerp(ey, fy, u))
     return (
@@ -127,7 +140,7 @@ def contact_points(polygon, mass, nx, ny):
 
 @inlined_part
 def _edge_of_mass(mass, nx, ny):
-    """Return the mass's edge that faces the ground: x, y of two corners, and their numbers."""
+    """Return the mass's edge that faces the ground: x, y of two corners [m], then their indices."""
     c, s, h = mass
     across, along = -(nx * c + ny * s), nx * s - ny * c
     sideways = abs(across) > abs(along)
@@ -140,7 +153,10 @@ def _edge_of_mass(mass, nx, ny):
 
 @inlined_part
 def _edge_of_polygon(polygon, nx, ny):
-    """Return the same of the polygon's edge that faces the mass, counter-clockwise."""
+    """Return the polygon's edge that faces the mass: x, y of two corners [m], then their indices.
+
+    The corners are in counter-clockwise order.
+    """
     x0, x1, y0, y1, y2, tx, ty = polygon
     facing = nx * tx + ny * ty
     is_left, is_right = -nx > facing, nx > facing

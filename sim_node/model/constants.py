@@ -1,7 +1,7 @@
-"""Constants that are declared once: default, range or choices, unit and meaning.
+"""Declarations of options as dataclass fields: default, range or choices, unit and meaning.
 
-The declaration is a dataclass field. It serves the check in the constructor, the descriptors of
-ROS parameters, the help of commands and the documentation.
+One declaration is used by the check in the constructor, the descriptors of ROS parameters, the
+help texts of commands and the documentation.
 """
 
 import contextlib
@@ -13,53 +13,54 @@ from sim_node.errors import InvalidInput, check_name
 
 
 def constant(default: Any, low: float, high: float, text: str, unit: str = '') -> Any:
-    """Declare a number, whole if `default` is: default, range (inclusive), meaning and unit."""
+    """Declare a number, an integer if `default` is one, with its inclusive range and unit."""
     return field(default=default, metadata={'low': low, 'high': high, 'text': text, 'unit': unit})
 
 
 def choice(default: Any, choices: Collection, text: str) -> Any:
-    """Declare a constant that is one of a few values, texts or truth values, or of a registry."""
+    """Declare an option with a few choices: strings, booleans, or the names of a registry."""
     return field(default=default, metadata={'choices': choices, 'text': text, 'unit': ''})
 
 
 def flag(default: bool, text: str) -> Any:
-    """Declare a truth value."""
+    """Declare a boolean."""
     return choice(default, (False, True), text)
 
 
 def check_text(name: str, value: object) -> None:
-    """Raise InvalidInput if `value` is no text."""
+    """Raise InvalidInput if `value` is not a string."""
     if not isinstance(value, str):
-        raise InvalidInput(name, value, 'a text')
+        raise InvalidInput(name, value, 'a string')
 
 
 def text_value(
     default: str, text: str, form: str, read: Callable[[str, Any], object] = check_text
 ) -> Any:
-    """Declare a text.
+    """Declare a string.
 
     Args:
-        default: if none is given.
+        default: its default.
         text: its meaning.
-        form: how it is written, for people.
-        read: called with the field's name and the value, raises InvalidInput if it cannot be read.
+        form: its format, as help texts describe it.
+        read: called with the field's name and the value; raises InvalidInput if the value has
+            another format.
     """
     return field(default=default, metadata={'form': form, 'read': read, 'text': text, 'unit': ''})
 
 
 def same_as(kind: type, name: str) -> Any:
-    """Declare what another dataclass declares under the same name."""
+    """Return the declaration of the field `name` of another dataclass, for a field of that name."""
     f = declaration(kind, name)
     return field(default=f.default, metadata=f.metadata)
 
 
 def declared(kind: type | Any) -> tuple[Field, ...]:
-    """Return the fields of a dataclass, or of an instance, that are declared here."""
+    """Return the fields of a dataclass, or of an instance of one, that have a declaration."""
     return tuple(f for f in fields(kind) if 'text' in f.metadata)
 
 
 def declaration(kind: type, name: str) -> Field:
-    """Return the declared field of that name."""
+    """Return the declared field of that name of a dataclass."""
     (found,) = (f for f in declared(kind) if f.name == name)
     return found
 
@@ -68,40 +69,45 @@ def check_declared(instance: Any, where: str = '') -> None:
     """Check all declared fields of a dataclass.
 
     Args:
-        instance: of the dataclass.
-        where: before the name of a field in errors, such as 'material.'.
+        instance: an instance of the dataclass.
+        where: prefix of field names in errors, such as 'material.'.
 
     Raises:
-        InvalidInput: a value is of another kind, not finite, or out of its range or choices.
+        InvalidInput: a value has another type, is not finite, or is out of its range or choices.
     """
     for f in declared(instance):
         check_value(f'{where}{f.name}', getattr(instance, f.name), f)
 
 
 class Checked:
-    """Base of dataclasses whose constructor checks the declared fields, and no more."""
+    """Base class of dataclasses whose constructor only checks the declared fields."""
 
     def __post_init__(self) -> None:
         check_declared(self)
 
 
 def value_of(name: str, text: str, f: Field) -> Any:
-    """Return the value of a field that a person wrote as text.
+    """Return the value of a field from the text that a user typed.
+
+    Args:
+        name: name of the option in errors.
+        text: the typed text.
+        f: the declared field.
 
     Raises:
-        InvalidInput: naming `name`; it is not what the field declares.
+        InvalidInput: the text is not a valid value of the field.
     """
     value: Any = text
     if 'low' in f.metadata:
         number: type = type(f.default)
-        with contextlib.suppress(ValueError):  # the check says what is expected
+        with contextlib.suppress(ValueError):  # check_value raises with the expected range
             value = number(text)
     check_value(name, value, f)
     return value
 
 
 def check_value(name: str, value: Any, f: Field) -> None:
-    """Raise InvalidInput, naming `name`, if a value is not what its field declares."""
+    """Raise InvalidInput for `name` if a value is not valid for its declared field."""
     if 'read' in f.metadata:
         f.metadata['read'](name, value)
     elif 'choices' not in f.metadata:
@@ -113,7 +119,7 @@ def check_value(name: str, value: Any, f: Field) -> None:
 
 
 def check_number(name: str, value: Any, f: Field) -> None:
-    """Raise InvalidInput, naming `name`, if `value` is not such a number as its field declares."""
+    """Raise InvalidInput for `name` if `value` is not a number in the declared range."""
     whole = isinstance(f.default, int)
     kinds = (int,) if whole else (int, float)
     is_kind = isinstance(value, kinds) and not isinstance(value, bool)
@@ -125,7 +131,7 @@ def check_number(name: str, value: Any, f: Field) -> None:
 
 
 def values_of(f: Field) -> str:
-    """Return what values a field may have: '0 to 10', 'stop, go_on', or how a text is written."""
+    """Return the allowed values of a field: '0 to 10', 'stop, go_on', or the format of a string."""
     if 'form' in f.metadata:
         return f.metadata['form']
     if 'choices' in f.metadata:
@@ -135,7 +141,7 @@ def values_of(f: Field) -> str:
 
 
 def shown(value: Any) -> str:
-    """Return a value as help and documents write it."""
+    """Return a value as it is written in help texts and documents."""
     if isinstance(value, bool):
         return str(value).lower()
     return f'{value:.15g}' if isinstance(value, float) else str(value)
@@ -146,7 +152,7 @@ def _choices(f: Field) -> str:
 
 
 def describe(f: Field) -> str:
-    """Return the meaning of a declared field with its unit, its choices or its form."""
+    """Return the meaning of a declared field with its unit, choices or format."""
     unit = f' [{f.metadata["unit"]}]' if f.metadata['unit'] else ''
     is_list = 'form' in f.metadata or ('choices' in f.metadata and not isinstance(f.default, bool))
     return f'{f.metadata["text"]}{unit}' + (f': {values_of(f)}' if is_list else '')

@@ -1,12 +1,16 @@
-"""What contact with the ground's polygons needs to know beforehand."""
+"""Tables of the ground's polygons, computed once per terrain for the search for contacts."""
 
 import numpy as np
 
 from sim_node.numerics.jit import compiled
 
+LEFT, RIGHT, TOP_LEFT, TOP_RIGHT, BASE, NORMAL_X, NORMAL_Y, QUERY_RANK = range(8)
+"""Columns of `polygon_rows`: x of the left and the right side, y of the top at either side, y of
+the base [m], unit normal of the top, rank of `query_order`."""
+
 
 def most_at_once(ground: np.ndarray, length: float) -> int:
-    """Return how many polygons an interval of `length` [m] in x can meet at most.
+    """Return the largest number of polygons that an interval of `length` [m] in x can overlap.
 
     Args:
         ground: (n, 4, 2) corners [m], counter-clockwise from the lower left, x increasing.
@@ -16,9 +20,10 @@ def most_at_once(ground: np.ndarray, length: float) -> int:
 
 
 def polygon_rows(ground: np.ndarray) -> np.ndarray:
-    """Return (n, 8): left and right x, top y at both, base y [m], the top's normal, rank.
+    """Return one row per polygon, (n, 8), with the columns `LEFT` to `QUERY_RANK`.
 
-    The rank is the place in the order in which Munk2D's broad phase meets the polygons.
+    Args:
+        ground: (n, 4, 2) corners [m], as for `most_at_once`.
     """
     (left, base), (right, _), (_, y1), (_, y0) = ground.transpose(1, 2, 0)
     length = np.hypot(right - left, y1 - y0)
@@ -27,11 +32,12 @@ def polygon_rows(ground: np.ndarray) -> np.ndarray:
 
 
 def query_order(ground: np.ndarray) -> np.ndarray:
-    """Return each polygon's rank in the order in which Munk2D's broad phase meets the ground.
+    """Return each polygon's rank in the order in which Munk2D's broad phase reports the ground.
 
-    A mass that touches two polygons is pushed by one after the other, and the order shows in the
-    result. Munk2D keeps bounding boxes in a binary tree: a new one descends to where the areas
-    grow least, and becomes the first child beside the leaf that it meets (cpBBTree.c).
+    The contacts of a mass that touches two polygons are solved one after the other, so the order
+    affects the result. Munk2D keeps bounding boxes in a binary tree: a new box descends to the side
+    where the total area grows least, and becomes the first child beside the leaf found there
+    (cpBBTree.c).
     """
     boxes = np.zeros((2 * len(ground), 4))
     boxes[: len(ground)] = np.concatenate([ground.min(axis=1), ground.max(axis=1)], axis=1)
@@ -40,11 +46,17 @@ def query_order(ground: np.ndarray) -> np.ndarray:
 
 @compiled
 def _query_order(boxes, n):
-    """Do so for bounding boxes (2 n, 4): left, bottom, right, top. Nodes below n are leaves."""
+    """Return `query_order` of n polygons from their bounding boxes.
+
+    Args:
+        boxes: (2 n, 4) left, bottom, right, top [m] of the tree's nodes. The first n are the
+            leaves, one per polygon; the others are written here.
+        n: number of polygons.
+    """
     children = np.full((2 * n, 2), -1)
-    root, size = 0, n
+    root, n_nodes = 0, n
     for leaf in range(1, n):
-        node, parent, place = root, -1, 0
+        node, parent, child = root, -1, 0
         while node >= n:
             a, b = children[node, 0], children[node, 1]
             cost_a = _area(boxes[b]) + _merged_area(boxes[a], boxes[leaf])
@@ -53,25 +65,25 @@ def _query_order(boxes, n):
                 cost_a = _distance(boxes[a], boxes[leaf])
                 cost_b = _distance(boxes[b], boxes[leaf])
             _merge(boxes[node], boxes[leaf])
-            parent, place = node, 1 if cost_b < cost_a else 0
-            node = children[node, place]
+            parent, child = node, 1 if cost_b < cost_a else 0
+            node = children[node, child]
         for side in range(4):
-            boxes[size, side] = boxes[node, side]
-        _merge(boxes[size], boxes[leaf])
-        children[size, 0], children[size, 1] = leaf, node
+            boxes[n_nodes, side] = boxes[node, side]
+        _merge(boxes[n_nodes], boxes[leaf])
+        children[n_nodes, 0], children[n_nodes, 1] = leaf, node
         if parent < 0:
-            root = size
+            root = n_nodes
         else:
-            children[parent, place] = size
-        size += 1
-    ranks, stack, depth, met = np.empty(n, np.int64), np.empty(2 * n, np.int64), 1, 0
+            children[parent, child] = n_nodes
+        n_nodes += 1
+    ranks, stack, depth, n_found = np.empty(n, np.int64), np.empty(2 * n, np.int64), 1, 0
     stack[0] = root
     while depth > 0:
         depth -= 1
         node = stack[depth]
         if node < n:
-            ranks[node] = met
-            met += 1
+            ranks[node] = n_found
+            n_found += 1
         else:
             stack[depth], stack[depth + 1] = children[node, 1], children[node, 0]
             depth += 2
@@ -80,24 +92,26 @@ def _query_order(boxes, n):
 
 @compiled
 def _area(box):
+    """Return the area [m^2] of a box."""
     return (box[2] - box[0]) * (box[3] - box[1])
 
 
 @compiled
 def _merged_area(a, b):
-    across = max(a[2], b[2]) - min(a[0], b[0])
-    return across * (max(a[3], b[3]) - min(a[1], b[1]))
+    """Return the area [m^2] of the smallest box that encloses two boxes."""
+    width = max(a[2], b[2]) - min(a[0], b[0])
+    return width * (max(a[3], b[3]) - min(a[1], b[1]))
 
 
 @compiled
 def _distance(a, b):
-    """Return twice the distance of the centres, |x| + |y|."""
+    """Return twice the Manhattan distance of the centres of two boxes [m]."""
     return abs(a[0] + a[2] - b[0] - b[2]) + abs(a[1] + a[3] - b[1] - b[3])
 
 
 @compiled
 def _merge(box, other):
-    """Let `box` hold `other` as well."""
+    """Enlarge `box` to enclose `other`."""
     for side in range(2):
         box[side] = min(box[side], other[side])
         box[side + 2] = max(box[side + 2], other[side + 2])

@@ -34,7 +34,11 @@ class Material:
 
     @classmethod
     def from_dict(cls, values: dict) -> 'Material':
-        """Return the material with `values` in place of defaults; InvalidInput if one is off."""
+        """Return the material with `values` in place of defaults.
+
+        Raises:
+            InvalidInput: a key is unknown, or a value is out of its range.
+        """
         check_keys('material', values, [f.name for f in fields(cls)])
         return cls(**values)
 
@@ -54,15 +58,15 @@ class Material:
         return self.mass * self.mass_side**2 / 6.0
 
     def rest_lengths(self, side: float) -> tuple[float, float, float]:
-        """Return rest lengths [m] of (parallel, side cross, central cross) springs.
+        """Return the rest lengths [m] of (parallel, side cross, central cross) springs.
 
         Args:
-            side: the voxel's side [m] that the springs shall hold.
+            side: side [m] of a voxel whose springs are at rest.
         """
         parallel = side - 2.0 * self.mass_side
         cross = math.sqrt(self.mass_side**2 + parallel**2)
         return parallel, cross, (side - self.mass_side) * math.sqrt(2.0)
 
     def actuated_side(self, area_change: float) -> float:
-        """Return the side [m] of a voxel whose area is (1 + `area_change`) times that at rest."""
+        """Return the side [m] of a voxel of (1 + `area_change`) times its area at rest."""
         return math.sqrt(self.side**2 * (1.0 + area_change))

@@ -1,4 +1,4 @@
-"""The grid of voxels: which squares exist, what they are called, and who touches whom."""
+"""Morphologies: the voxels on a grid, their names and their neighbours."""
 
 import re
 from collections.abc import Callable
@@ -10,10 +10,10 @@ import numpy as np
 from sim_node.errors import InvalidInput, near_miss
 
 DIRECTIONS = ('above', 'left', 'below', 'right')
-"""The order of directions wherever one is indexed (paper: up, left, down, right)."""
+"""The order of directions in all arrays with a direction axis (paper: up, left, down, right)."""
 
 OPPOSITE = (2, 3, 0, 1)
-"""`OPPOSITE[d]` is the direction in which a neighbour in direction `d` sees this voxel."""
+"""`OPPOSITE[d]` is the direction from a neighbour in direction `d` back to the voxel."""
 
 OFFSETS = ((0, 1), (-1, 0), (0, -1), (1, 0))
 """(dx, dy) of the neighbour in each direction; x grows to the right, y upwards."""
@@ -41,9 +41,9 @@ class Morphology:
     """An arrangement of voxels on a grid.
 
     Attributes:
-        name: what the user called it ('biped', 'comb-7x2', or the grid string itself).
+        name: the text that it was parsed from ('biped', 'comb-7x2', or the grid string).
         cells: (x, y) of every voxel, x from the left, y from the bottom, row by row from the
-            bottom. The position in this tuple is the voxel's index everywhere else.
+            bottom. A voxel's position in this tuple is its index in all arrays.
     """
 
     name: str
@@ -85,7 +85,7 @@ class Morphology:
 
     @cached_property
     def grid_string(self) -> str:
-        """Return the rows from top to bottom as the paper prints them, '1111-1111-1001'."""
+        """Return the rows from top to bottom, in the paper's notation, such as '1111-1111-1001'."""
         occupied = set(self.cells)
         rows = range(self.height - 1, -1, -1)
         return '-'.join(
@@ -93,7 +93,7 @@ class Morphology:
         )
 
     def index_of(self, voxel_name: str) -> int:
-        """Return the index of the voxel called `voxel_name`; InvalidInput if there is none."""
+        """Return the index of a voxel by its name; raise InvalidInput if there is no such voxel."""
         try:
             return self.voxel_names.index(voxel_name)
         except ValueError:
@@ -102,22 +102,23 @@ class Morphology:
             raise InvalidInput('voxel', voxel_name, expected) from None
 
     def same_shape(self, other: 'Morphology') -> bool:
-        """Tell whether both have the same voxels, whatever their names."""
+        """Return whether both have the same voxels; names are not compared."""
         return self.cells == other.cells
 
 
 def parse_morphology(text: str) -> Morphology:
-    """Return the morphology that `text` names.
+    """Return the morphology described by `text`.
 
     Args:
         text: a shape ('biped', 'comb-9x3', 'ball-5') or a grid string, rows from top to bottom
             ('1111-1111-1001').
 
     Raises:
-        InvalidInput: unknown shape, bad size, or voxels that are not one connected piece.
+        InvalidInput: the shape is unknown, the size is not allowed, or the voxels are not one
+                connected piece.
     """
     if not isinstance(text, str):
-        raise InvalidInput('morphology', text, 'a text such as biped or 1111-1111-1001')
+        raise InvalidInput('morphology', text, 'a string such as biped or 1111-1111-1001')
     if re.fullmatch(r'[01]+(-[01]+)*', text):
         return Morphology(text, _cells_of_grid(text))
     kind, dash, size = text.partition('-')
@@ -128,8 +129,8 @@ def parse_morphology(text: str) -> Morphology:
         )
         raise InvalidInput('morphology', text, expected)
     w, h = _parse_size(text, kind, size if dash else _DEFAULT_SIZE.get(kind, ''))
-    inside = _GENERATORS[kind]
-    rows = (''.join('1' if inside(x, y, w, h) else '0' for x in range(w)) for y in range(h))
+    is_voxel = _GENERATORS[kind]
+    rows = (''.join('1' if is_voxel(x, y, w, h) else '0' for x in range(w)) for y in range(h))
     return Morphology(text, _cells_of_grid('-'.join(reversed(list(rows))), text))
 
 
@@ -166,6 +167,7 @@ def _cells_of_grid(grid: str, text: str | None = None) -> tuple[tuple[int, int],
 
 
 def _reachable(cells: list[tuple[int, int]]) -> set[tuple[int, int]]:
+    """Return the squares that are connected to the first one."""
     todo, seen, occupied = [cells[0]], {cells[0]}, set(cells)
     while todo:
         x, y = todo.pop()

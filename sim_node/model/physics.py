@@ -1,4 +1,4 @@
-"""The two sets of rules by which the body moves and is sensed, each selected by one name."""
+"""The two physics, sets of rules by which the body moves and is sensed, selected by name."""
 
 from dataclasses import dataclass
 
@@ -7,14 +7,16 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Physics:
-    """How springs are integrated, when sensors are read, and how deep contacts may rest.
+    """How springs are integrated, when sensors are read, and how much overlap contacts allow.
 
     Attributes:
-        implicit_springs: springs are soft constraints, integrated implicitly as dyn4j does; else
-            their force is an explicit impulse and their damping an exponential, as in Chipmunk.
-        current_poses: a step ends with the motion of the masses, so that sensors read the poses
-            that the velocities of this step have led to; else those of the step before.
-        slop: depth [m] of an overlap that contacts leave alone.
+        implicit_springs: True if springs are soft constraints, integrated implicitly as in dyn4j.
+            False if their force is an explicit impulse and their damping an exponential, as in
+            Chipmunk.
+        current_poses: True if a step ends by moving the masses, so that sensors read the poses at
+            the end of the step. False if a step begins by moving them, so that sensors read poses
+            one step late.
+        slop: depth [m] of the overlap that contacts do not correct.
     """
 
     implicit_springs: bool
@@ -28,8 +30,7 @@ PHYSICS = {
         implicit_springs=False, current_poses=False, slop=float(np.float32(0.1))  # Munk2D's
     ),
 }
-"""Rules by name: those of the reference, 2D-VSR-Sim on dyn4j, and the first ones of this project.
-"""
+"""Physics by name: that of the reference, 2D-VSR-Sim on dyn4j, and this project's first one."""
 
 DEFAULT_PHYSICS, UNNAMED_PHYSICS = 'reference', 'first'
-"""What a new simulation has; and what a file has that names no physics, being older than names."""
+"""The physics of new simulations, and of files without a name of one, which are older."""

@@ -1,4 +1,4 @@
-"""By which physics a control step is solved, and how finely."""
+"""The solver's settings: physics, sub-steps, iterations and self-collision."""
 
 from dataclasses import dataclass
 
@@ -7,17 +7,17 @@ from sim_node.model.constants import check_declared, choice, constant
 from sim_node.model.physics import DEFAULT_PHYSICS, PHYSICS, UNNAMED_PHYSICS, Physics
 
 SELF_COLLISION = (False, True, 'reference')
-"""Which masses of one robot collide: none; all that no weld joins, by the material's friction and
-restitution squared; or, as in 2D-VSR-Sim, all that no constraint joins, with friction 10 and
-restitution 0.1."""
+"""Which masses of one robot collide with each other: none; all that no weld joins, with the square
+of the material's friction and restitution; or, as in 2D-VSR-Sim, all that no constraint joins, with
+friction 10 and restitution 0.1."""
 
 
 @dataclass(frozen=True)
 class Solver:
-    """How finely the engine solves a control step; defaults measured, see docs/physics.md.
+    """How an engine solves a control step; docs/physics.md measures the defaults.
 
     Raises:
-        InvalidInput: a value is off.
+        InvalidInput: a value is out of its range or choices.
     """
 
     substeps: int = constant(1, 1, 100, 'physics steps per control step')
@@ -26,7 +26,7 @@ class Solver:
         False, SELF_COLLISION, 'whether masses of one robot collide with each other'
     )
     physics: str = choice(
-        DEFAULT_PHYSICS, PHYSICS, 'by which rules the body moves and is sensed'
+        DEFAULT_PHYSICS, PHYSICS, 'rules by which the body moves and is sensed'
     )
 
     def __post_init__(self) -> None:
@@ -34,17 +34,17 @@ class Solver:
 
     @property
     def rules(self) -> Physics:
-        """Return the physics that the name stands for."""
+        """Return the physics of that name."""
         return PHYSICS[self.physics]
 
     @classmethod
     def from_dict(cls, values: dict) -> 'Solver':
-        """Return the solver that a file describes: `values` in place of defaults.
+        """Return the solver with `values`, read from a file, in place of defaults.
 
-        A file that names no physics is older than the names, and has `UNNAMED_PHYSICS`.
+        Without a `physics` the file is older than the names of physics: it has `UNNAMED_PHYSICS`.
 
         Raises:
-            InvalidInput: a key or value is off.
+            InvalidInput: a key is unknown, or a value is out of its range or choices.
         """
         check_keys('solver', values, list(cls.__dataclass_fields__))
         return cls(**{'physics': UNNAMED_PHYSICS, **values})

@@ -13,7 +13,7 @@ LENGTH = 2000.0
 """Extent of the ground in x [m]."""
 
 WALL_WIDTH, WALL_HEIGHT = 10.0, 100.0
-"""The ground rises to this height [m] over this width [m] at both ends."""
+"""Width and height [m] of the walls, the rises of the ground at both ends."""
 
 FLAT_LEVEL = 5.0
 """Height [m] of flat ground, and of the lower end of a slope."""
@@ -28,10 +28,10 @@ _MAX_HEIGHT, _MAX_RUN, _MAX_ANGLE = 100.0, 1000.0, 60.0
 
 @dataclass(frozen=True, eq=False)
 class Terrain:
-    """A piecewise-linear ground.
+    """A piecewise-linear ground profile.
 
     Attributes:
-        name: the name that made it.
+        name: its name, as for `parse_terrain`.
         x, y: (n_points,) coordinates [m] of the profile's corners, x increasing.
     """
 
@@ -44,14 +44,14 @@ class Terrain:
 
     @property
     def start(self) -> float:
-        """Return the x [m] where the left wall ends and robots are put down."""
+        """Return the x [m] of the right end of the left wall; robots start 1 m right of it."""
         return float(self.x[1])
 
     @property
     def polygons(self) -> np.ndarray:
-        """Return the solid ground, one polygon per piece of the profile: (n_pieces, 4, 2) [m].
+        """Return the solid ground as one polygon per piece of the profile, (n_pieces, 4, 2) [m].
 
-        Corners are counter-clockwise from the lower left one, as Munk2D orders a convex hull.
+        Corners are counter-clockwise from the lower left one, as in Munk2D's convex hulls.
         """
         top = np.column_stack([self.x, self.y])
         base = np.column_stack([self.x, np.full_like(self.x, self.y.min() - DEPTH)])
@@ -62,23 +62,24 @@ class Terrain:
         return float(np.interp(x, self.x, self.y))
 
     def highest(self, left: float, right: float) -> float:
-        """Return the greatest height [m] of the ground between two x [m]."""
+        """Return the greatest height [m] of the ground from x = `left` to x = `right` [m]."""
         corners = self.y[(self.x > left) & (self.x < right)].tolist()
         return max(self.height_at(left), self.height_at(right), *corners)
 
 
 def parse_terrain(name: str) -> Terrain:
-    """Return the terrain called `name`.
+    """Return the terrain of that name.
 
     Args:
-        name: 'flat', 'hilly-<h>-<w>-<seed>', 'steppy-<h>-<w>-<seed>' (h: spread of heights [m],
-            w: mean run [m]), 'uphill-<angle>' or 'downhill-<angle>' ([degrees]).
+        name: 'flat', 'hilly-<h>-<w>-<seed>', 'steppy-<h>-<w>-<seed>' (h: standard
+            deviation of the height changes [m], w: mean run [m]), 'uphill-<angle>' or
+            'downhill-<angle>' ([degrees]).
 
     Raises:
         InvalidInput: the name is none of these, or a number is out of range.
     """
     if not isinstance(name, str):
-        raise InvalidInput('terrain', name, 'a text such as flat or hilly-1-10-0')
+        raise InvalidInput('terrain', name, 'a string such as flat or hilly-1-10-0')
     kind = name.partition('-')[0]
     if kind not in _KINDS:
         expected = f'one of {TERRAIN_FORM}'
@@ -92,6 +93,7 @@ def parse_terrain(name: str) -> Terrain:
 
 
 def _between_walls(x: list[float], y: list[float]) -> tuple[list[float], list[float]]:
+    """Return a profile with a wall added at either end."""
     return (
         [x[0] - WALL_WIDTH, *x, x[-1] + WALL_WIDTH],
         [y[0] + WALL_HEIGHT - FLAT_LEVEL, *y, y[-1] + WALL_HEIGHT - FLAT_LEVEL],
@@ -114,7 +116,7 @@ def _slope(name: str, angle: str) -> tuple[list[float], list[float]]:
 
 
 def _irregular(name: str, h: str, w: str, seed: str) -> tuple[list[float], list[float]]:
-    """Hills and steps: runs of max(1, N(1, 0.25) w) in x, height changes N(0, 1) h."""
+    """Return hills or steps: runs of max(1, N(1, 0.25) w) in x, height changes of N(0, 1) h."""
     spread, run = float(h), float(w)
     if spread > _MAX_HEIGHT or not 1.0 <= run <= _MAX_RUN:
         expected = f'h of at most {_MAX_HEIGHT:g} and w from 1 to {_MAX_RUN:g}'
@@ -142,7 +144,7 @@ _KINDS: dict[str, tuple[str, str, Callable]] = {
 DEFAULT_TERRAIN = 'flat'
 
 TERRAIN_FORM = ', '.join(form for form, *_ in _KINDS.values())
-"""How the names of terrains are written, for help and documents."""
+"""The forms of terrain names, for help texts and documents."""
 
 _IRREGULAR = (
     *(f'hilly-{size}' for size in ('0.5-10', '0.5-20', '1-10', '1-20', '2-20', '2-30')),
@@ -151,11 +153,12 @@ _IRREGULAR = (
 _SLOPES = ('downhill-10', 'downhill-20', 'uphill-10', 'uphill-20')
 
 UNSEEN_KINDS = (*_IRREGULAR, *_SLOPES)
-"""The 16 kinds of terrain of the re-assessment (paper, section 4.1; the values are this project's):
-names without a seed. Slopes have none, so that theirs are names of terrains too."""
+"""The 16 kinds of terrain of the re-assessment (paper, section 4.1; the values are this project's).
+
+The names of hilly and steppy kinds lack a seed; the names of slopes are names of terrains."""
 
 MOST_TERRAIN_SEEDS = 1000
-"""Of each irregular kind, that `unseen_terrains` gives."""
+"""Largest number of seeds per irregular kind in `unseen_terrains`."""
 
 
 def unseen_terrains(n_seeds: int = 1) -> dict[str, tuple[str, ...]]:
@@ -165,7 +168,7 @@ def unseen_terrains(n_seeds: int = 1) -> dict[str, tuple[str, ...]]:
     share a seed, and a larger number of seeds only adds terrains. A slope is one terrain.
 
     Args:
-        n_seeds: of each irregular kind, from 1 to `MOST_TERRAIN_SEEDS`.
+        n_seeds: number of seeds per irregular kind, from 1 to `MOST_TERRAIN_SEEDS`.
 
     Raises:
         InvalidInput: the number is out of range.
@@ -181,15 +184,15 @@ def unseen_terrains(n_seeds: int = 1) -> dict[str, tuple[str, ...]]:
 
 
 DEFAULT_TERRAIN_SET, FIRST_TERRAIN_SET = 'seeds-1-12', 'seed-0'
-"""Names of the unseen terrains that controllers are assessed on, and of those of the first results.
-"""
+"""Names of the default terrain set of an assessment, and of the set of the first results."""
 
 TERRAIN_SETS = {
     DEFAULT_TERRAIN_SET: tuple(name for names in unseen_terrains().values() for name in names),
     FIRST_TERRAIN_SET: (*(f'{kind}-0' for kind in _IRREGULAR), *_SLOPES),
 }
-"""The unseen terrains by the name of their set, each in the order of `UNSEEN_KINDS`. In the set of
-the first results all rises are one sequence of random numbers, scaled."""
+"""Sets of unseen terrains by name, each in the order of `UNSEEN_KINDS`.
+
+In the set of the first results all terrains scale the same sequence of random numbers."""
 
 UNSEEN_TERRAINS = TERRAIN_SETS[DEFAULT_TERRAIN_SET]
-"""The 16 terrains of the re-assessment."""
+"""The 16 terrains of the default set."""

@@ -1,9 +1,9 @@
-"""The C functions of Munk2D, pymunk's engine, that compiled code calls without Python.
+"""Declarations of the C functions of Munk2D, pymunk's engine, for compiled code.
 
-Two of Munk2D's structs are passed by value: `cpVect` as the two doubles that it is made of, and
-`cpShapeFilter` as two integers, group and category | mask << 32. The calling conventions of
-x86-64 (System V) and AArch64 pass either struct in the same registers as its parts, as long as
-registers suffice: eight doubles, six integers.
+Two of Munk2D's structs are passed by value: `cpVect` as its two doubles, and `cpShapeFilter` as two
+integers, group and category | mask << 32. The calling conventions of x86-64 (System V) and AArch64
+pass either struct in the same registers as its parts while there are enough registers: eight
+doubles, six integers.
 """
 
 from typing import Any
@@ -28,7 +28,7 @@ STEP_CALLBACK = _VOID(_HANDLE, _REAL)
 
 
 def _function(name: str, result: Any, *arguments: Any) -> Any:
-    """Declare a function of pymunk's library to the compiler, by name and signature."""
+    """Declare a function of pymunk's C library to the compiler, by name and signature."""
     llvm.add_symbol(name, _address(name))
     return types.ExternalFunction(name, result(*arguments))
 
@@ -73,36 +73,36 @@ constraint_free = _function('cpConstraintFree', _VOID, _HANDLE)
 
 
 def _rest_length_offset() -> int:
-    """Return where a spring keeps its rest length, in bytes from its start.
+    """Return the offset [bytes] of the rest length in Munk2D's struct of a damped spring.
 
-    Found on a spring that is made for it: the place that holds what Munk2D's setter last set.
+    The offset is found in a new spring, as the place of the value that Munk2D's setter has set.
     """
     bodies = [ffi.gc(lib.cpBodyNew(1.0, 1.0), lib.cpBodyFree) for _ in range(2)]
-    mark = 0.1234567890123
+    marker = 0.1234567890123
     spring = ffi.gc(
-        lib.cpDampedSpringNew(*bodies, (0.0, 0.0), (0.0, 0.0), mark, 1.0, 1.0),
+        lib.cpDampedSpringNew(*bodies, (0.0, 0.0), (0.0, 0.0), marker, 1.0, 1.0),
         lib.cpConstraintFree,
     )
     numbers = ffi.cast('double *', spring)
-    place = 0
-    while numbers[place] != mark:  # it is there: this ends within the spring
-        place += 1
-    lib.cpDampedSpringSetRestLength(spring, 2.0 * mark)
-    if numbers[place] != 2.0 * mark:
-        raise ImportError('this pymunk keeps the rest length of a spring in another form')
-    return place * ffi.sizeof('double')
+    index = 0
+    while numbers[index] != marker:  # ends inside the struct, which holds the value
+        index += 1
+    lib.cpDampedSpringSetRestLength(spring, 2.0 * marker)
+    if numbers[index] != 2.0 * marker:
+        raise ImportError('this version of pymunk stores the rest length of a spring differently')
+    return index * ffi.sizeof('double')
 
 
 REST_LENGTH = np.uintp(_rest_length_offset())
-"""Offset [bytes] of the rest length in a spring."""
+"""Offset [bytes] of the rest length in Munk2D's struct of a damped spring."""
 
 
 @intrinsic
 def store_real(typing, address, value):
     """Write a double to an address.
 
-    To set a rest length thus saves waking two bodies that never sleep, for every spring and
-    step: 4 % of an episode.
+    Munk2D's setter of a rest length also wakes both bodies, which never sleep here. Writing to the
+    struct instead saves 4 % of an episode.
     """
 
     def generate(context, builder, signature, args):
@@ -115,7 +115,7 @@ def store_real(typing, address, value):
 
 @intrinsic
 def record_at(typing, address, record):
-    """Return the record of a type (as of `numba.from_dtype`) at an address."""
+    """Return the struct at an address as a record of the given type (from `numba.from_dtype`)."""
     kind = record.instance_type
 
     def generate(context, builder, signature, args):
@@ -129,13 +129,13 @@ READ_BODY = _address('pmSpaceBodyGetIteratorFuncBatched')
 
 
 def handle(pointer: object) -> int:
-    """Return a cffi pointer as the integer that compiled code passes on."""
+    """Return a cffi pointer as an integer, the form that compiled code uses."""
     return int(ffi.cast('uintptr_t', pointer))
 
 
 @compiled_callback(_VOID(_HANDLE, _HANDLE, _POINTER))
 def _note_contact(body, arbiter, data):
-    """Set data[1] if one of the arbiter's two bodies is data[0]; data[2:4] is scratch space."""
+    """Set data[1] to 1 if a contact involves the body data[0]; data[2:4] is scratch space."""
     cells = carray(data, 4)
     arbiter_get_bodies(arbiter, cells[2:].ctypes.data, cells[3:].ctypes.data)
     if cells[2] == cells[0] or cells[3] == cells[0]:
@@ -144,14 +144,14 @@ def _note_contact(body, arbiter, data):
 
 @compiled_callback(STEP_CALLBACK)
 def _stay(body, dt):
-    """Do nothing, in place of moving a body: `simulation` moves it at the end of a step."""
+    """Leave a body where it is: the engine moves it at the end of a step."""
 
 
 STAY = _stay.address
-"""Address of the position function of bodies that Munk2D's own step is not to move."""
+"""Address of the position function of bodies that Munk2D's own step must not move."""
 
 NOTE_CONTACT = _note_contact.address
-"""Address of the iterator that notes whether a body touches the ground."""
+"""Address of the iterator that records whether a body touches the ground."""
 
 
 class BodyReader:
@@ -165,7 +165,7 @@ class BodyReader:
 
     def __init__(self, n_bodies: int) -> None:
         fields = BodyFields.POSITION | BodyFields.ANGLE | BodyFields.VELOCITY
-        # Munk2D grows (reallocates) a batch before it is full: leave more than enough room.
+        # Munk2D reallocates a batch before it is full: make the buffer larger than needed.
         buffer = np.zeros((n_bodies + 8, 5))
         self.rows = buffer[:n_bodies]
         self._floats = ffi.new('pmFloatArray *')

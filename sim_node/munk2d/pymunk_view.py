@@ -1,4 +1,4 @@
-"""A robot's space as pymunk's objects: for tests, measurements and the curious."""
+"""A robot's space as pymunk objects, for tests, measurements and interactive inspection."""
 
 import weakref
 from collections.abc import Callable
@@ -13,15 +13,15 @@ from sim_node.munk2d.space import Space
 
 
 def pymunk_view(space: Space) -> pymunk.Space:
-    """Return a pymunk space that shows a robot's space: bodies, shapes and constraints in order.
+    """Return a pymunk space with the bodies, shapes and constraints of a robot's space, in order.
 
-    What is read is read from Munk2D and what is set is set there; only adding and removing is not
-    for a view. The space lives as long as any object of the view. Every shape is shown as a
-    polygon, which is what `Space` makes; queries that return shapes find the latest view's.
-    In the reference's physics a step of the view moves no body: `Simulation.step` does.
+    Attributes are read from and written to Munk2D; only adding and removing objects is not
+    supported. The space is not freed before all objects of the view. Every shape is a
+    `pymunk.Poly`, since `Space` makes only polygons; queries return the shapes of the latest view.
+    In the reference physics a step of the view moves no body; `Simulation.step` moves them.
     """
     def hold(pointer: Any) -> Any:
-        return ffi.gc(pointer, lambda _: space)  # frees nothing; keeps the space alive
+        return ffi.gc(pointer, lambda _: space)  # keeps a reference to the space; frees nothing
 
     view = pymunk.Space()
     view._space = hold(ffi.cast('cpSpace *', space.handle))
@@ -35,7 +35,7 @@ def pymunk_view(space: Space) -> pymunk.Space:
     for body in bodies.values():
         body._space = weakref.ref(view)
     shapes = _each(view, lib.cpSpaceEachShape, lib.ext_cpSpaceShapeIteratorFunc)
-    for pointer in sorted(shapes, key=lib.cpShapeGetHashID):  # numbered as they were added
+    for pointer in sorted(shapes, key=lib.cpShapeGetHashID):  # ids increase in the order of adding
         shape = pymunk.Poly(bodies[handle(lib.cpShapeGetBody(pointer))], [(0, 0), (1, 0), (0, 1)])
         lib.cpShapeSetUserData(pointer, lib.cpShapeGetUserData(shape._shape))
         shape._shape, shape._space = hold(pointer), weakref.ref(view)
@@ -57,7 +57,7 @@ def _each(view: pymunk.Space, iterate: Callable, append: Any) -> list:
 
 
 def _constraint(pointer: Any, a: pymunk.Body, b: pymunk.Body) -> pymunk.Constraint:
-    """Return a constraint of the pointer's kind; its numbers do not matter."""
+    """Return a pymunk constraint of the pointer's kind; its parameters are placeholders."""
     zero = (0.0, 0.0)
     if is_soft(pointer):
         return SoftSpring(a, b, zero, zero, 0.0, 0.0, 0.0)
@@ -81,7 +81,10 @@ def _field(name: str, text: str) -> Any:
 
 
 class SoftSpring(pymunk.DampedSpring):
-    """A spring of the reference's physics: Munk2D's own functions take it for no damped spring."""
+    """An implicit spring of the reference physics.
+
+    Its properties access the struct, since Munk2D's functions accept only its own damped springs.
+    """
 
     anchor_a = _field('anchor_a', 'Anchor on body a [m].')
     anchor_b = _field('anchor_b', 'Anchor on body b [m].')

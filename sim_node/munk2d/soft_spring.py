@@ -1,20 +1,20 @@
-"""A spring as a soft constraint: a class of constraint of our own in Munk2D's space.
+"""An implicit spring for Munk2D's space: a soft constraint in place of its damped spring.
 
 A soft constraint integrates a spring implicitly (Catto, "Soft constraints", GDC 2011; dyn4j's
 DistanceJoint): with step h, stiffness k, damping c, extension x, the effective mass 1/K of the
-present pose and the impulse so far L,
+present pose and the accumulated impulse L,
 
     gamma = 1 / (h (c + h k)),    j = -(v + x h k gamma + gamma L) / (K + gamma),    L <- L + j.
 
-With share = K / (K + gamma) and target = -gamma (x h k + L) at first, that is
+With share = K / (K + gamma) and, before the first sweep, target = -gamma (x h k + L), this is
 
     j = (target - v) share / K,    target <- v + (target - v) share,
 
-which is how Munk2D sweeps over a damped spring. So a soft spring is a damped spring of Munk2D whose
-preparation is another, and which has a warm start. The sweep is here because it is a tenth of a
-step faster than Munk2D's.
+which is the sweep of Munk2D's damped spring. So a soft spring is a damped spring of Munk2D with a
+different preparation and with warm starting. The sweep is implemented here, too, because a step is
+then a tenth faster than with Munk2D's.
 
-The callbacks read and write Munk2D's structs. Their layout is declared here and checked at import.
+The callbacks read and write Munk2D's structs. The layout is declared here, and checked at import.
 """
 
 import math
@@ -47,15 +47,15 @@ SPRING = np.dtype([
     ('arm_a', *_VECTOR), ('arm_b', *_VECTOR), ('mass', np.float64), ('axis', *_VECTOR),
     ('impulse', np.float64),
 ])
-"""Munk2D's cpDampedSpring; `mass` is the effective one, `axis` the unit vector from a to b."""
+"""Munk2D's cpDampedSpring; `mass` is the effective mass, `axis` the unit vector from a to b."""
 
 _BODY: Any = numba.from_dtype(BODY)
 _SPRING: Any = numba.from_dtype(SPRING)
 
 
 @compiled_inline
-def _push(a, b, spring, impulse):
-    """Let an impulse act along the spring's axis, from body a to body b."""
+def _apply_impulse(a, b, spring, impulse):
+    """Apply an impulse along the spring's axis to both bodies, positive if it drives them apart."""
     x, y = spring.axis[0] * impulse, spring.axis[1] * impulse
     a.velocity[0] -= x * a.inverse_mass
     a.velocity[1] -= y * a.inverse_mass
@@ -67,7 +67,7 @@ def _push(a, b, spring, impulse):
 
 @compiled_callback(munk.STEP_CALLBACK)
 def _prepare(constraint, h):
-    """Prepare a spring at the present poses for a step of `h` [s]."""
+    """Prepare a spring at the present poses for a physics step of `h` [s] (Munk2D's preStep)."""
     spring = munk.record_at(constraint, _SPRING)
     a, b = munk.record_at(spring.a, _BODY), munk.record_at(spring.b, _BODY)
     for arm, body, anchor in (
@@ -95,15 +95,15 @@ def _prepare(constraint, h):
 
 @compiled_callback(munk.STEP_CALLBACK)
 def _warm_start(constraint, ratio):
-    """Start from the impulse of the last step, times the ratio of this step's length to its."""
+    """Apply the last step's impulse times `ratio`, the quotient of this and the last step [s]."""
     spring = munk.record_at(constraint, _SPRING)
     a, b = munk.record_at(spring.a, _BODY), munk.record_at(spring.b, _BODY)
-    _push(a, b, spring, spring.impulse * ratio)
+    _apply_impulse(a, b, spring, spring.impulse * ratio)
 
 
 @compiled_callback(munk.STEP_CALLBACK)
 def _sweep(constraint, h):
-    """Let a spring act once."""
+    """Apply a spring once, in one sweep of the impulse solver (Munk2D's applyImpulse)."""
     spring = munk.record_at(constraint, _SPRING)
     a, b = munk.record_at(spring.a, _BODY), munk.record_at(spring.b, _BODY)
     x, y = spring.axis[0], spring.axis[1]
@@ -116,23 +116,23 @@ def _sweep(constraint, h):
         + y * (b.velocity[1] + spring.arm_b[0] * b.spin)
     )
     speed = speed_b - speed_a
-    taken = (spring.target - speed) * spring.share
-    spring.target = speed + taken
-    impulse = taken * spring.mass
+    change = (spring.target - speed) * spring.share
+    spring.target = speed + change
+    impulse = change * spring.mass
     spring.impulse += impulse
-    _push(a, b, spring, impulse)
+    _apply_impulse(a, b, spring, impulse)
 
 
 def layout_of(pointer: Any, layout: np.dtype) -> np.ndarray:
-    """Return a writable view, (1,) of `layout`, of the struct that a cffi pointer points to."""
+    """Return a writable view, (1,) of dtype `layout`, of the struct at a cffi pointer."""
     return np.frombuffer(ffi.buffer(ffi.cast('char *', pointer), layout.itemsize), layout)
 
 
 def _functions() -> np.ndarray:
-    """Return the functions of the class: all ours, but for the one that returns the impulse.
+    """Return the four function addresses of soft springs; that of `getImpulse` is Munk2D's.
 
     Raises:
-        ImportError: this pymunk's structs are laid out in another way than declared above.
+        ImportError: Munk2D's structs have another layout than is declared above.
     """
     space = ffi.gc(lib.cpSpaceNew(), lib.cpSpaceFree)
     bodies = [ffi.gc(lib.cpBodyNew(m, 5.0 * m), lib.cpBodyFree) for m in (2.0, 3.0)]
@@ -176,22 +176,22 @@ def _functions() -> np.ndarray:
 
 
 FUNCTIONS = _functions()
-"""Munk2D's cpConstraintClass of soft springs: the addresses of prepare, warm start, sweep, impulse.
+"""Munk2D's cpConstraintClass of soft springs: addresses of prepare, warm start, sweep, impulse.
 
-It must live as long as the springs.
+The array must not be freed before the springs.
 """
 
 ADDRESS = FUNCTIONS.ctypes.data
-"""Of the class."""
+"""Address of `FUNCTIONS`."""
 
 
 @compiled_inline
 def soften(spring, functions):
-    """Make a soft spring of a damped one, given by its handle; `functions` is `ADDRESS`."""
+    """Turn a damped spring, given by its handle, into a soft one; `functions` is `ADDRESS`."""
     munk.record_at(spring, _SPRING).functions = functions
 
 
 def is_soft(pointer: Any) -> bool:
-    """Tell whether a constraint, a cffi pointer, is a soft spring."""
+    """Return whether a constraint, a cffi pointer, is a soft spring."""
     first = np.frombuffer(ffi.buffer(ffi.cast('char *', pointer), 8), np.uintp)
     return int(first[0]) == ADDRESS

@@ -1,6 +1,7 @@
-"""A Munk2D space made of a robot's tables by compiled code, in the order that the tables give.
+"""A Munk2D space with ground and one robot, built from the robot's tables by compiled code.
 
-Made of pymunk's objects, about 300 per robot, a space would take ten times as long and more.
+Bodies and constraints are added in the order of the tables. Building a space of pymunk's Python
+objects, about 300 per robot, takes more than ten times as long.
 """
 
 import functools
@@ -18,16 +19,16 @@ from sim_node.munk2d import c_functions as munk
 from sim_node.munk2d import soft_spring
 from sim_node.numerics.jit import compiled
 
-_WALKER, _GROUND = 0b01, 0b10
+_ROBOT, _GROUND = 0b01, 0b10
 _EVERYTHING = 0xFFFFFFFF
 _SELF_FRICTION, _SELF_RESTITUTION = 10.0, 0.1  # 2D-VSR-Sim, between masses of one robot
 
 
 class Space:
-    """Ground and one robot in a Munk2D space of their own, freed with this object.
+    """A Munk2D space with ground and one robot; it is freed with this object.
 
-    Handles are pointers of Munk2D as integers; they are good as long as this object lives.
-    `pymunk_view` shows what they point to.
+    Handles are pointers of Munk2D as integers, valid until this object is freed. `pymunk_view`
+    shows what they point to.
 
     Args:
         body: the robot.
@@ -55,7 +56,7 @@ class Space:
         friction, restitution = material.friction, material.restitution
         ground_friction = ground_restitution = 1.0
         as_reference = solver.self_collision == 'reference'
-        if as_reference:  # Munk2D multiplies what two shapes have
+        if as_reference:  # Munk2D multiplies the coefficients of two shapes
             friction, restitution = math.sqrt(_SELF_FRICTION), math.sqrt(_SELF_RESTITUTION)
             ground_friction = material.friction / friction
             ground_restitution = material.restitution / restitution
@@ -68,7 +69,7 @@ class Space:
             material.mass_side,
             friction,
             restitution,
-            _GROUND | _WALKER if solver.self_collision else _GROUND,
+            _GROUND | _ROBOT if solver.self_collision else _GROUND,
             munk.STAY if solver.rules.current_poses else 0,
         )
         functions = soft_spring.ADDRESS if solver.rules.implicit_springs else 0
@@ -79,20 +80,20 @@ class Space:
         finalizer = weakref.finalize(
             self, _loaded_free(), self.handle, constraints, ground_shapes, shapes, self.bodies
         )
-        finalizer.atexit = False  # the process's end frees all memory
+        finalizer.atexit = False  # all memory is freed when the process ends
 
     def _add_ground(
         self, polygons: np.ndarray, friction: float, restitution: float
     ) -> np.ndarray:
-        """Add the ground's shapes and return their handles; this object will free them."""
+        """Add the ground's shapes and return their handles; this object frees them."""
         return _add_polygons(self.handle, self.ground, polygons, friction, restitution)
 
 
 @compiled
 def _add_shape(space, shape, friction, elasticity, category, mask):
-    """Add a shape.
+    """Set a shape's coefficients and collision filter, and add it to the space.
 
-    Munk2D multiplies the friction and elasticity of the two shapes of a pair.
+    The coefficients of a pair are the products of those of its two shapes.
     """
     munk.shape_set_friction(shape, friction)
     munk.shape_set_elasticity(shape, elasticity)
@@ -115,7 +116,7 @@ def _add_polygons(space, ground, polygons, friction, elasticity):
 def _add_masses(space, positions, mass, moment, side, friction, elasticity, mask, move):
     """Add a square body at each position; return the handles of bodies and shapes.
 
-    `move` is the address of the function by which a step moves them; 0 for Munk2D's own.
+    `move` is the address of their position update function; 0 selects Munk2D's own.
     """
     bodies = np.empty(positions.shape[0], np.uintp)
     shapes = np.empty(positions.shape[0], np.uintp)
@@ -126,15 +127,18 @@ def _add_masses(space, positions, mass, moment, side, friction, elasticity, mask
         if move != 0:
             munk.body_set_position_function(bodies[i], np.uintp(move))
         shapes[i] = munk.box_new(bodies[i], side, side, 0.0)
-        _add_shape(space, shapes[i], friction, elasticity, _WALKER, mask)
+        _add_shape(space, shapes[i], friction, elasticity, _ROBOT, mask)
     return bodies, shapes
 
 
 @compiled
 def _add_constraints(space, bodies, table, functions, joined_collide):
-    """Add all constraints and return their handles; springs are soft unless `functions` is 0.
+    """Add all constraints and return their handles.
 
-    Masses that a spring or limit joins may collide if `joined_collide`; welded ones never do.
+    Args:
+        functions: `soft_spring.ADDRESS` for soft springs, 0 for Munk2D's damped springs.
+        joined_collide: whether masses that a spring or limit joins may collide; welded masses
+            never do.
     """
     constraints = np.empty(table.kinds.shape[0], np.uintp)
     for i in range(constraints.shape[0]):
@@ -158,7 +162,7 @@ def _add_constraints(space, bodies, table, functions, joined_collide):
 
 @compiled
 def _free(space, constraints, ground_shapes, shapes, bodies):
-    """Free a space, then all that was in it."""
+    """Free a space, then its constraints, shapes and bodies."""
     munk.space_free(space)
     for i in range(constraints.shape[0]):
         munk.constraint_free(constraints[i])
@@ -172,7 +176,7 @@ def _free(space, constraints, ground_shapes, shapes, bodies):
 
 @functools.cache
 def _loaded_free() -> Callable:
-    """Return `_free`, compiled: the garbage collector may call it in the midst of a compilation."""
+    """Return `_free`, compiled now: the garbage collector may call it during a compilation."""
     nothing = np.empty(0, np.uintp)
     _free(0, nothing, nothing, nothing, nothing)
     return _free

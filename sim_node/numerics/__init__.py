@@ -1,1 +1,1 @@
-"""Compiled code: the decorators, numbers in lanes, functions with the same bits everywhere."""
+"""Compiled code: decorators, values in SIMD lanes, and reproducible elementary functions."""

@@ -1,8 +1,8 @@
-"""Where compiled code is kept between processes, and how a damaged file of it is replaced.
+"""The cache of compiled code between processes: its folder, its keys, and checks for damage.
 
-Numba compiles a function again when its own file changes, but not when a function that it calls
-does, nor a constant that it took from another module, nor the library that it calls. So the folder
-is named by a digest of all of these; numba itself adds the processor to the key of every function.
+Numba recompiles a function when its own file changes, but not when a function that it calls, a
+constant from another module, or a library changes. So the folder is named by a digest of all of
+these; numba itself adds the processor to the key of every function.
 """
 
 import functools
@@ -26,8 +26,8 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataC
 
 _DEPENDENCIES = 'numba', 'llvmlite', 'numpy', 'pymunk'
 _NAME = re.compile(r'[0-9a-f]{16}')
-_USED, _DAY, _KEPT = 'used', 86_400.0, 30 * 86_400.0  # stamp of a folder; seconds
-_ROOT = Path(__file__).resolve().parents[2]  # of the two packages
+_USED, _DAY, _KEPT = 'used', 86_400.0, 30 * 86_400.0  # name of the stamp file; seconds
+_ROOT = Path(__file__).resolve().parents[2]  # the folder of the two packages
 _SUM = hashlib.sha256().digest_size
 
 
@@ -35,12 +35,12 @@ _SUM = hashlib.sha256().digest_size
 def folder() -> Path | None:
     """Return the folder of compiled code for the sources and libraries as they are now.
 
-    It lies below NUMBA_CACHE_DIR or XDG_CACHE_HOME, if one is set, else below ~/.cache. Folders
-    beside it that no process has used for 30 days are removed.
+    It is below NUMBA_CACHE_DIR or XDG_CACHE_HOME, if one is set, else below ~/.cache. Folders of
+    other versions that no process has used for 30 days are removed.
 
     Returns:
-        The folder, which exists and can be written; None if there is no such place, which is
-        reported on standard error once: then every process compiles for itself.
+        The folder, which exists and is writable. None if there is no such folder: every process
+        then compiles, and a message on standard error reports it once.
     """
     parent = _parent()
     path = parent / _digest()
@@ -52,8 +52,8 @@ def folder() -> Path | None:
         _touch(path / _USED)
     except OSError as error:
         print(
-            f'{path}: {error.strerror}: compiled code cannot be kept, so that this process '
-            'compiles for a minute; set XDG_CACHE_HOME to a folder that can be written',
+            f'{path}: {error.strerror}: compiled code cannot be kept: this process has to '
+            'compile for about a minute; set XDG_CACHE_HOME to a writable folder',
             file=sys.stderr,
         )
         return None
@@ -63,7 +63,7 @@ def folder() -> Path | None:
 
 
 def _parent() -> Path:
-    """Return the folder of our folders of compiled code."""
+    """Return the folder that holds the folders of compiled code of all versions."""
     for variable in ('NUMBA_CACHE_DIR', 'XDG_CACHE_HOME'):
         if os.environ.get(variable):
             return Path(os.environ[variable], 'snca_ros').absolute()
@@ -88,15 +88,15 @@ def _check_writable(path: Path) -> None:
 
 
 def _check_mine(path: Path) -> None:
-    """Raise OSError if others could have put code into a folder that everybody can see."""
+    """Raise OSError if another user could have written code into a folder in a shared place."""
     status = path.lstat()
     path.chmod(0o700)
     if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid():
-        raise PermissionError(1, 'it belongs to somebody else')
+        raise PermissionError(1, 'it belongs to another user')
 
 
 def _touch(path: Path) -> None:
-    """Note that a folder is in use, at most once a day."""
+    """Renew the time stamp of a folder in use, at most once a day."""
     try:
         if time.time() - path.stat().st_mtime < _DAY:
             return
@@ -106,7 +106,7 @@ def _touch(path: Path) -> None:
 
 
 def _unused(parent: Path) -> Iterator[Path]:
-    """Yield the folders of compiled code that have not been used for long."""
+    """Yield the folders of compiled code that no process has used for 30 days."""
     for path in parent.iterdir():
         if _NAME.fullmatch(path.name) and path.is_dir() and not path.is_symlink():
             stamp = path / _USED
@@ -119,7 +119,11 @@ def _unused(parent: Path) -> Iterator[Path]:
 
 
 def sources(root: Path) -> list[bytes]:
-    """Return the modules below `root` that compile something, and all that they import."""
+    """Return the sources of the modules with compiled functions, and of all that they import.
+
+    Args:
+        root: the folder of the packages.
+    """
     packages = root / 'sim_node', root / 'snca_ros'
     texts = {
         '.'.join(path.relative_to(root).with_suffix('').parts): path.read_bytes()
@@ -140,7 +144,7 @@ _JIT = f'{__name__.rpartition(".")[0]}.jit'
 
 
 def _compiles(imports: set[str]) -> bool:
-    """Tell whether a module with these `_imports` has compiled functions."""
+    """Return whether a module with these `_imports` has compiled functions."""
     return any(name.startswith(f'{_JIT}.') and not name.endswith('.warm_up') for name in imports)
 
 
@@ -148,7 +152,7 @@ _IMPORT = re.compile(rb'^ *from ([\w.]+) import (\([^)]*\)|.*)', re.MULTILINE)
 
 
 def _imports(source: bytes) -> set[str]:
-    """Return the modules, and the names as module.name, that a source imports from."""
+    """Return the modules that a source imports from, and the imported names as module.name."""
     found = set[str]()
     for module, names in _IMPORT.findall(source):
         found.add(module.decode())
@@ -157,13 +161,13 @@ def _imports(source: bytes) -> set[str]:
 
 
 class _Place:
-    """Where the code of one function lies, and what it must not be older than (numba's locator)."""
+    """The cache folder and source stamp of one function (numba's cache locator)."""
 
     def __init__(self, function: Any) -> None:
         source, module = Path(inspect.getfile(function)).resolve(), function.__module__
         self._line = function.__code__.co_firstlineno
         self._stamp = ''
-        if not source.is_relative_to(_ROOT):  # its text is no part of the digest
+        if not source.is_relative_to(_ROOT):  # its text is not in the digest
             self._stamp = hashlib.sha256(source.read_bytes()).hexdigest()
             module += '-' + hashlib.sha256(str(source).encode()).hexdigest()[:16]
         self._path = os.path.join(str(folder()), module)
@@ -182,7 +186,7 @@ class _Place:
 
 
 class _Results(CompileResultCacheImpl):
-    """Turns compiled code into data and back, as numba does, for files in a place of our own."""
+    """Serialises compiled code as numba does, for files in the folder of `_Place`."""
 
     def __init__(self, function: Any) -> None:
         self._locator = _Place(function)
@@ -190,7 +194,7 @@ class _Results(CompileResultCacheImpl):
 
 
 class _CheckedFiles(IndexDataCacheFile):
-    """Files with a checksum: linking damaged machine code could end the process."""
+    """Cache files with a checksum: linking damaged machine code could crash the process."""
 
     def _load_data(self, name: str) -> Any:
         with open(self._data_path(name), 'rb') as file:
@@ -206,7 +210,7 @@ class _CheckedFiles(IndexDataCacheFile):
 
 
 def _classes(kinds: Iterable[Any]) -> Iterator[type]:
-    """Yield the classes of the named tuples in a signature."""
+    """Yield the classes of all named tuples among numba types."""
     for kind in kinds:
         if isinstance(kind, types.BaseTuple):
             if isinstance(kind, types.BaseNamedTuple):
@@ -215,13 +219,16 @@ def _classes(kinds: Iterable[Any]) -> Iterator[type]:
 
 
 def _stamps(signature: Any) -> tuple[str, ...] | None:
-    """Return the classes from outside the packages in a signature, and digests of their modules.
+    """Return names and module digests of the classes in a signature from outside the packages.
 
-    Compiled code calls methods of such a class (`dispatch`), so it depends on its module. None if
-    a class is of the main program or of no file: it is another class in each process.
+    Compiled code calls methods of such a class (`dispatch`), so it depends on its module.
 
     Args:
         signature: a tuple of types, or an object that has one as `args`.
+
+    Returns:
+        One string per class; None if a class is defined in the main program or in no file, since
+        it is then another class in each process.
     """
     found = []
     for kind in _classes(getattr(signature, 'args', signature)):
@@ -238,7 +245,7 @@ def _stamps(signature: Any) -> tuple[str, ...] | None:
 
 
 class CodeCache(FunctionCache):
-    """The compiled versions of one function. What cannot be loaded is forgotten, not an error."""
+    """The cache of one function's compiled versions; it discards those that it cannot load."""
 
     _impl_class = _Results
 
@@ -251,13 +258,13 @@ class CodeCache(FunctionCache):
         )
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple:
-        """Return the key of a version; to read one must not import a class from outside."""
+        """Return the key of a version, made so that reading it imports no class from outside."""
         kind, *rest = super()._index_key(sig, codegen)
         stamps = _stamps(sig)
         return (kind if stamps == () else repr(kind), *rest, stamps)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the compiled version for a signature; None if there is none, or a damaged one."""
+        """Return the compiled version for a signature; None if it is missing or damaged."""
         if _stamps(sig) is None:
             return None
         try:
@@ -267,7 +274,7 @@ class CodeCache(FunctionCache):
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep a compiled version, if the disk lets us."""
+        """Write a compiled version to the cache; report on standard error if that fails."""
         if _stamps(sig) is None:
             return
         try:

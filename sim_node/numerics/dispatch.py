@@ -1,7 +1,7 @@
-"""Functions of compiled code that act by the class of a named tuple.
+"""Static dispatch in compiled code: functions selected by the class of a named tuple.
 
-A thing of a registry (a sensor, a neuron model) is a named tuple of its constants with compiled
-static methods: compiled code that is given one calls its method without a branch at run time.
+An entry of a registry (a sensor, a neuron model) is a named tuple of its constants with compiled
+static methods. Compiled code that receives one calls its method without a branch at run time.
 """
 
 from collections.abc import Callable
@@ -10,19 +10,19 @@ from typing import Any
 from numba.extending import overload
 
 INLINE = {'forceinline': True, 'error_model': 'numpy'}
-"""Options of an `overload` that becomes part of its callers, with IEEE arithmetic."""
+"""Options of an `overload` that is inlined into its callers, with IEEE arithmetic."""
 
 
 def method(name: str, doc: str, default: Callable | None = None) -> Callable:
     """Return a function f(constants, *arguments) that calls the static method of that name.
 
     The method belongs to the class of `constants`, a named tuple; it is a `compiled_inline`
-    function with the same arguments, `constants` first. Python can call it, too.
+    function with the same arguments, `constants` first. The returned function works in Python, too.
 
     Args:
-        name: of the method.
-        doc: docstring of the function.
-        default: what classes without such a method have; by default they must have one.
+        name: name of the method.
+        doc: docstring of the returned function.
+        default: method of classes without one; by default every class must have the method.
     """
 
     def call(constants: Any, *arguments: Any) -> Any:
@@ -45,10 +45,10 @@ def by_attribute(
     """Return a function f(constants, *arguments) that calls one of several compiled functions.
 
     Args:
-        name: of an attribute of the class of `constants`, a named tuple.
-        choices: a function per value of the attribute, with the same arguments.
-        doc: docstring of the function.
-        default: the value in classes that do not have the attribute.
+        name: name of an attribute of the class of `constants`, a named tuple.
+        choices: the function for each value of the attribute, with the same arguments.
+        doc: docstring of the returned function.
+        default: the value for classes without the attribute.
     """
 
     def call(constants: Any, *arguments: Any) -> Any:

@@ -1,8 +1,8 @@
-"""Elementary functions whose result is the same on every machine, one number or many lanes.
+"""Elementary functions with the same result on every machine, for numbers and for lanes.
 
-The C library's differ in the last bit from version to version, and a gait is chaotic: one bit
-makes another episode. These are made of IEEE additions, multiplications and divisions alone, with
-no branch, so that loops over them vectorise.
+The functions of C libraries differ in the last bit between versions, and a gait is chaotic: one
+bit changes the whole episode. These functions use only IEEE additions, multiplications and
+divisions, without branches, so that loops over them vectorise.
 """
 
 from sim_node.numerics.jit import compiled_inline
@@ -10,7 +10,7 @@ from sim_node.numerics.lanes import scale_of, select
 
 _LOG2_E = 1.4426950408889634
 _LN2_HIGH, _LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10  # their sum; 20 low bits clear
-_ROUND = 6755399441055744.0  # 1.5 * 2^52: adding it rounds to a whole number, in the low bits
+_ROUND = 6755399441055744.0  # 1.5 * 2^52: adding it rounds to an integer in the low bits
 _TWO_OVER_PI = 0.6366197723675814
 _HALF_PI_HIGH, _HALF_PI_LOW = 1.57079632673412561417, 6.07710050650619224932e-11
 _SINE = (
@@ -25,7 +25,7 @@ _COSINE = (
 
 @compiled_inline
 def floor(x):
-    """Return the greatest whole number up to x, for |x| < 2^51."""
+    """Return the greatest integer not above x, for |x| < 2^51."""
     nearest = (x + _ROUND) - _ROUND
     return select(nearest > x, nearest - 1.0, nearest)
 

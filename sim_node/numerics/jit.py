@@ -1,4 +1,4 @@
-"""Compiled functions: numba's, with a cache that lasts (`code_cache`)."""
+"""Decorators that compile functions with numba and keep the code in the cache of `code_cache`."""
 
 import fcntl
 import os
@@ -14,9 +14,9 @@ from sim_node.numerics.code_cache import CodeCache, folder
 
 
 def _kept(compiled: Any, function: Callable) -> Any:
-    """Let a compiled function keep its code between processes, where there is a place for it.
+    """Return `compiled` with a cache of its code, if there is a folder for the cache.
 
-    A function that was typed into a notebook has no source file, by which its code is known.
+    A function typed into a notebook is not cached: it has no source file to identify its code.
     """
     if folder() is not None and os.path.isfile(function.__code__.co_filename):
         compiled._cache = CodeCache(function)
@@ -31,8 +31,8 @@ def _compiled(function: Callable, **options: Any) -> Callable:
 def compiled(function: Callable) -> Callable:
     """Compile `function` to machine code at its first call, or load it from the cache.
 
-    IEEE arithmetic as written (no fast-math, no fused multiply-add), so that the same function
-    gives the same bits wherever it is called from.
+    Arithmetic is IEEE as written, without fast-math and fused multiply-add, so that a function
+    gives the same bits in all of its callers.
     """
     return _compiled(function)
 
@@ -41,21 +41,21 @@ _PART = {'no_cpython_wrapper': True, '_nrt': False}
 
 
 def compiled_part(function: Callable) -> Callable:
-    """Compile `function`, which makes no arrays, for compiled code alone; Python cannot call it.
+    """Compile `function`, which creates no arrays, for compiled callers; Python cannot call it.
 
-    Half the work of compiling a function of many arrays is to turn Python's values into them, and
-    half the time of a short one would go into counting references to them.
+    Without the conversion of Python values, a function of many arrays compiles in half the time;
+    without counting references to arrays, a short one runs in half the time.
     """
     return _compiled(function, **_PART)
 
 
 def compiled_inline(function: Callable) -> Callable:
-    """Compile `function` into each of its callers: for small functions."""
+    """Compile a small `function` to be inlined into each of its callers."""
     return _compiled(function, forceinline=True)
 
 
 def inlined_part(function: Callable) -> Callable:
-    """Compile such a part into each of its callers."""
+    """Compile `function` as `compiled_part` does, to be inlined into each of its callers."""
     return _compiled(function, forceinline=True, **_PART)
 
 
@@ -70,7 +70,7 @@ class _NoAlias(Compiler):
 def compiled_kernel(function: Callable) -> Callable:
     """Compile a function whose array arguments must not overlap, so that its loops vectorise.
 
-    It too goes into each of its callers; vector instructions do the same arithmetic.
+    It is inlined into each of its callers. Vector instructions give the same bits.
     """
     return _compiled(function, forceinline=True, pipeline_class=_NoAlias)
 
@@ -89,11 +89,11 @@ def compiled_callback(signature: Any) -> Callable:
 
 
 def warm_up(name: str, run: Callable[[], object]) -> None:
-    """Call `run`, which uses compiled functions; of many processes only one compiles them.
+    """Call `run`, which uses compiled functions, so that only one of many processes compiles them.
 
     Args:
-        name: what is compiled, the same in all processes.
-        run: calls the functions once; quick when they are in the cache.
+        name: name of the set of functions, the same in all processes.
+        run: calls the functions once.
     """
     place = folder()
     if place is None or (done := place / f'{name}.compiled').exists():

@@ -1,4 +1,4 @@
-"""Arrays of lanes: (rows, fields) of W doubles each, with a type of their own in compiled code."""
+"""Arrays of lanes, (rows, fields) of W doubles each, and their type in compiled code."""
 
 from typing import Any
 
@@ -18,21 +18,21 @@ def dtype(width: int) -> np.dtype:
 class LaneArray(np.ndarray):
     """An array of `dtype(width)`; array['lane'] is its floats.
 
-    It has a type of its own in compiled code, `LaneArrayType`, and what is taken out of it has not.
+    Its type in compiled code is `LaneArrayType`. Its items and slices are plain numpy arrays.
     """
 
     def __getitem__(self, key: Any) -> Any:
-        """Return what a plain array of the same items has there."""
+        """Return an item or slice as a plain numpy array has it."""
         return self.view(np.ndarray)[key]
 
 
 class LaneArrayType(types.Array):
-    """The type of a `LaneArray`, whose name tells the width.
+    """The numba type of a `LaneArray`, with the width in its name.
 
-    In the names of compiled functions numba writes an array of records with a number for the
-    record, which depends on the order in which a process met its types. Functions for two widths
-    that two processes put into the cache could so get one name, and a third process call one for
-    the other.
+    In the names of compiled functions, numba writes an array of records with a number for the
+    record that depends on the order in which a process created its types. Functions for two widths
+    that two processes write to the cache could then have the same name, and a third process could
+    call the wrong one.
     """
 
     def __init__(self, record: types.Record) -> None:
@@ -42,7 +42,7 @@ class LaneArrayType(types.Array):
 
     @property
     def mangling_args(self) -> tuple[str, tuple[object, ...]]:
-        """Return the name, as of a type without parameters."""
+        """Return the name as that of a type without parameters."""
         return self.name, ()
 
 
@@ -56,7 +56,7 @@ def _typeof_lane_array(array: LaneArray, context: Any) -> LaneArrayType | None:
 
 
 def zeros(shape: tuple[int, int], width: int) -> LaneArray:
-    """Return an array of `dtype(width)` that begins at a multiple of 64 bytes."""
+    """Return an array of zeros of `dtype(width)`, aligned to 64 bytes."""
     n_bytes = shape[0] * shape[1] * width * 8
     buffer = np.zeros(n_bytes + _ALIGNMENT, dtype=np.uint8)
     start = -buffer.ctypes.data % _ALIGNMENT

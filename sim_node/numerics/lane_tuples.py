@@ -1,4 +1,4 @@
-"""Tuples of lane arrays, as many as there are: one item of each, loaded, stored, compared."""
+"""Operations on tuples of lane arrays: load, store and compare one item of each."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from sim_node.numerics.lanes import load, store
 
 
 def load_each(arrays: Any, i: Any, j: Any) -> Any:
-    """Return the tuple of the lanes of array[i, j] of each of a tuple of lane arrays."""
+    """Return the lanes of array[i, j] of each lane array of a tuple, as a tuple."""
     raise NotImplementedError('compiled code only')
 
 
@@ -21,7 +21,7 @@ def _load_each(arrays, i, j):
 
 
 def store_each(arrays: Any, i: Any, j: Any, values: Any) -> None:
-    """Write a tuple of lanes, or of numbers for all lanes, to array[i, j] of each lane array."""
+    """Write each of a tuple of values (lanes or numbers) to array[i, j] of its lane array."""
     raise NotImplementedError('compiled code only')
 
 
@@ -38,7 +38,7 @@ def _store_each(arrays, i, j, values):
 
 
 def all_equal(mask: Any, lanes: Any, values: Any) -> Any:
-    """Return where `mask` holds and each of a tuple of lanes has the value in another tuple."""
+    """Return the mask of lanes where `mask` is true and all items of two tuples are equal."""
     raise NotImplementedError('compiled code only')
 
 

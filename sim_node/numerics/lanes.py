@@ -1,12 +1,12 @@
-"""A number in each lane of a vector register, as a type of compiled code.
+"""A SIMD vector type for compiled code: one number in each of W lanes.
 
-`load(array, i, j)` gives the W numbers of one row as one value; arithmetic, comparison and
-`select` on such values act lane by lane, each lane rounded as IEEE prescribes, so a lane's result
-cannot depend on its place or on its neighbours. A plain number stands for W equal ones; of equal
-or unordered values `min` and `max` return the second, numba's of numbers the first. LLVM
-splits a value wider than the machine's registers into several of them.
+`load(array, i, j)` returns the W numbers of an item as one value. Arithmetic, comparison and
+`select` act lane by lane with IEEE rounding, so the result of a lane depends neither on its place
+nor on the other lanes. A plain number stands for W equal ones. For equal or unordered values `min`
+and `max` return the second one; numba's `min` and `max` of numbers return the first. LLVM splits a
+value that is wider than the machine's registers into several registers.
 
-Arrays are those of `lane_array`: (rows, fields) of W doubles each, robots contiguous and innermost.
+Arrays are those of `lane_array`: (rows, fields) of W doubles each, with the lanes contiguous.
 """
 
 import math
@@ -19,11 +19,11 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import intrinsic as _intrinsic
 from numba.extending import lower_builtin, models, register_model
 
-intrinsic: Any = _intrinsic  # to a type checker: its signature is not that of its callers
+intrinsic: Any = _intrinsic  # Any: type checkers would see a signature other than that of the calls
 
 
 class Lanes(types.Type):
-    """W numbers (or truth values) side by side; compiled code sees it as one value."""
+    """The numba type of one value that holds W numbers, or W booleans (a mask)."""
 
     def __init__(self, width: int, element: str) -> None:
         self.width, self.element = width, element
@@ -51,7 +51,7 @@ def _of_array(array: Any) -> Lanes:
 
 
 def _pointer(context, builder, array_type, array, i, j, lanes):
-    """Return the address of item (i, j) of a C-contiguous (n, k) array as a vector's."""
+    """Return the address of item (i, j) of a C-contiguous (n, k) array as a pointer to a vector."""
     struct = context.make_array(array_type)(context, builder, array)
     fields = builder.extract_value(struct.shape, 1)
     item = builder.add(builder.mul(i, fields), j)
@@ -98,7 +98,7 @@ def _broadcast(builder, value, vector):
 
 @intrinsic
 def select(typing, mask, a, b):
-    """Return, lane by lane, `a` where `mask` holds and `b` elsewhere; numbers if `mask` is one."""
+    """Return, lane by lane, `a` where `mask` is true, else `b`; a number for a boolean `mask`."""
     if not isinstance(mask, Lanes):
         return types.float64(types.boolean, types.float64, types.float64), _select_number
     lanes = Lanes(mask.width, 'float64')
@@ -117,7 +117,7 @@ def _select_number(context, builder, signature, args):
 
 @intrinsic
 def negation(typing, mask):
-    """Return, lane by lane, whether `mask` does not hold; of a truth value as of a mask."""
+    """Return the negation of a mask, lane by lane, or of a boolean."""
 
     def generate(context, builder, signature, args):
         return builder.not_(args[0])
@@ -127,7 +127,7 @@ def negation(typing, mask):
 
 @intrinsic
 def any_lane(typing, mask):
-    """Tell whether `mask` holds in some lane: for skipping what no lane needs."""
+    """Return whether `mask` is true in some lane, to skip work that no lane needs."""
 
     def generate(context, builder, signature, args):
         bits = builder.bitcast(args[0], ir.IntType(mask.width))
@@ -138,7 +138,7 @@ def any_lane(typing, mask):
 
 @intrinsic
 def like(typing, lanes, value):
-    """Return `value`, a plain number, in as many lanes as `lanes` has; itself if it is a number."""
+    """Return the number `value` in as many lanes as `lanes` has; itself if `lanes` is a number."""
 
     def generate(context, builder, signature, args):
         return _broadcast(builder, args[1], args[0].type)
@@ -148,7 +148,7 @@ def like(typing, lanes, value):
 
 @intrinsic
 def bits_of(typing, mask):
-    """Return a mask of up to 64 lanes as an integer: bit i is lane i."""
+    """Return a mask of up to 64 lanes as an integer; bit i is lane i."""
 
     def generate(context, builder, signature, args):
         bits = builder.bitcast(args[0], ir.IntType(mask.width))
@@ -159,7 +159,7 @@ def bits_of(typing, mask):
 
 @intrinsic
 def mask_like(typing, lanes, bits):
-    """Return the integer `bits` of `bits_of` as a mask of as many lanes as `lanes` has."""
+    """Return the mask of the integer `bits` from `bits_of`, with as many lanes as `lanes` has."""
 
     def generate(context, builder, signature, args):
         bits = builder.trunc(args[1], ir.IntType(lanes.width)) if lanes.width < 64 else args[1]
@@ -170,7 +170,10 @@ def mask_like(typing, lanes, bits):
 
 @intrinsic
 def scale_of(typing, shifted):
-    """Return 2^k for a number, or for each lane, whose significand ends in the integer k."""
+    """Return 2^k, where k is the integer in the low bits of the significand of `shifted`.
+
+    `shifted` is a number or lanes.
+    """
     kind = shifted if isinstance(shifted, Lanes) else types.float64
 
     def generate(context, builder, signature, args):
@@ -190,7 +193,7 @@ def _constant(kind, value):
 
 
 def _declare(function: Any, emit: Any, *, masks: bool = False, compares: bool = False) -> None:
-    """Let `function` of one or two arguments act on lanes by LLVM's instruction `emit`."""
+    """Define `function` of one or two arguments on lanes by LLVM's instruction `emit`."""
     element = 'bool' if masks else 'float64'
 
     def is_lanes(x: Any) -> bool:

@@ -1,1 +1,1 @@
-"""(ROS) The simulation as a node, and what all nodes of a robot share."""
+"""(ROS) The simulation node, and the base of all nodes of a robot."""

@@ -1,4 +1,4 @@
-"""What the voxels have answered to their sensors: the actuation that moves the body."""
+"""The newest actuation received from each voxel, and which voxels have not answered."""
 
 from collections.abc import Sequence
 
@@ -8,16 +8,17 @@ from sim_node.ros.delivery import Link
 
 
 class Answers:
-    """The newest actuation of each voxel, and who has not answered yet.
+    """The newest actuation of each voxel, and which voxels have not answered yet.
 
     Args:
         voxels: names of the voxels.
-        hold: a voxel that does not answer in time holds its last actuation, until it is silent;
-            else only answers to the present step count.
+        hold: True if a voxel that does not answer in time holds its last actuation until it counts
+            as silent; False if only answers to the present step are applied.
 
     Attributes:
-        silent: names of the voxels that nobody waits for; they are limp.
-        links: one per voxel, accounts of what came.
+        silent: names of the voxels that count as silent: no step waits for them, and their
+            actuation is 0.
+        links: delivery statistics of each voxel.
     """
 
     def __init__(self, voxels: Sequence[str], hold: bool) -> None:
@@ -29,33 +30,33 @@ class Answers:
         self.restart(0.0)
 
     def restart(self, now: float) -> None:
-        """Forget everything but who is silent: an episode begins."""
+        """Begin an episode at time `now` [s]: clear everything but `silent`."""
         self._actuation[:] = 0.0
         self._newest = [-1] * len(self._voxels)
         for link in self.links:
             link.restart()
-        self.renew(now)
+        self.restart_timeouts(now)
 
-    def renew(self, now: float) -> None:
-        """Let nobody have been silent for long: time begins to run, or goes on after a pause."""
-        self._heard = [now] * len(self._voxels)
+    def restart_timeouts(self, now: float) -> None:
+        """Restart the silence timeout of every voxel, at the start and after a pause."""
+        self._last_answer = [now] * len(self._voxels)
 
     def open_step(self) -> None:
-        """Begin to wait for the answers to a new step."""
+        """Begin to wait for the answers of all voxels to a new step."""
         self._awaited = dict(enumerate(self._voxels))
 
     @property
     def missing(self) -> list[str]:
-        """Return the voxels, but for the silent, that have not answered to the present step."""
+        """Return the voxels that have not answered to the present step, without the silent ones."""
         return [voxel for voxel in self._awaited.values() if voxel not in self.silent]
 
     def take(self, i: int, sent: int, a: float, step: int, now: float) -> bool:
-        """Take voxel i's actuation of step `sent`; return whether it came in time.
+        """Store an actuation that was received; return whether it is in time.
 
         Args:
             i: index of the voxel.
-            sent: the step that it answers.
-            a: its actuation.
+            sent: the step whose sensors it answers.
+            a: the actuation.
             step: the present step.
             now: the time [s].
         """
@@ -65,23 +66,27 @@ class Answers:
         else:
             self.links[i].note_late(sent)
         if in_time or (self._hold and sent > self._newest[i]):
-            self._actuation[i], self._newest[i], self._heard[i] = a, sent, now
+            self._actuation[i], self._newest[i], self._last_answer[i] = a, sent, now
             self.silent.discard(self._voxels[i])
         return in_time
 
     def close_step(self, step: int) -> np.ndarray:
-        """Return the actuation that acts in this step, (n_voxels,) in [-1, 1]."""
+        """Return the actuation to apply in this step, (n_voxels,) in [-1, 1]."""
         for i, (voxel, link) in enumerate(zip(self._voxels, self.links, strict=True)):
             link.close_step(step, i not in self._awaited)
             if voxel in self.silent:
                 self._actuation[i] = 0.0
         return self._actuation
 
-    def let_go(self, now: float, limit: float) -> list[str]:
-        """Take those for silent that were last heard more than `limit` seconds ago; name them."""
-        fallen = [
-            voxel for voxel, heard in zip(self._voxels, self._heard, strict=True)
-            if now - heard > limit and voxel not in self.silent
+    def mark_silent(self, now: float, limit: float) -> list[str]:
+        """Add the voxels without an answer for more than `limit` seconds to `silent`.
+
+        Returns:
+            Names of the voxels that were added.
+        """
+        added = [
+            voxel for voxel, time in zip(self._voxels, self._last_answer, strict=True)
+            if now - time > limit and voxel not in self.silent
         ]
-        self.silent.update(fallen)
-        return fallen
+        self.silent.update(added)
+        return added

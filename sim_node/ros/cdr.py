@@ -1,8 +1,8 @@
-"""(ROS) Messages of fixed layout, written and read as bytes.
+"""(ROS) Fast serialisation and deserialisation of messages with a fixed layout.
 
-A robot's messages differ from step to step in their stamp and their numbers only. A `WireFormat`
-serialises one with rclpy, sees that the numbers lie where its layout has them, and from then on
-copies numbers in and out: the bytes are those of rclpy, at a fraction of its time.
+The messages of a robot differ between steps only in their stamp and their numbers. A `WireFormat`
+serialises one message with rclpy, checks that the numbers are at the places of the layout, and
+then only copies numbers. The bytes are those of rclpy, in a fraction of its time.
 """
 
 import struct
@@ -21,16 +21,15 @@ _MAX_KNOWN = 64
 
 
 class WireFormat:
-    """One kind of message: all its parts are fixed but the stamp and the named numbers.
+    """The format of messages in which only the stamp and the named numbers vary.
 
     Args:
         message: an example.
-        layout: of its bytes, from `sim_node.message_layout`. If it begins with a stamp, `encode`
-            writes that, too.
-        numbers: what the example holds in the fields that `encode` writes and `decode` reads, by
-            their name, as arrays of the type that they are to have.
-        check: called with a whole message that was not seen before; raises if its fixed parts
-            are not acceptable.
+        layout: layout of its bytes, from `sim_node.message_layout`. If it begins with a stamp,
+            `encode` writes the stamp, too.
+        numbers: values of the example in the fields that `encode` writes and `decode` reads, by
+            field name, as arrays of the fields' type.
+        check: called with a message whose fixed parts are new; raises if they are not valid.
     """
 
     def __init__(
@@ -56,7 +55,7 @@ class WireFormat:
     def encode(self, stamp: tuple[int, int] | None = None, **numbers: np.ndarray) -> bytes:
         """Return the serialised message with this (sec, nanosec) and these numbers.
 
-        What is not given stays as it was in the last message.
+        Fields that are not given keep their values of the last message.
         """
         data = self._data
         if stamp is not None:
@@ -67,10 +66,10 @@ class WireFormat:
         return bytes(data)
 
     def decode(self, data: bytes, *names: str) -> tuple[tuple[int, int], list[np.ndarray]]:
-        """Return (sec, nanosec) and the numbers of these names of a serialised message.
+        """Return (sec, nanosec) and the named numbers of a serialised message.
 
-        Fixed parts that were never seen before are deserialised by rclpy and checked; `check`
-        or rclpy raise if they are off.
+        A message with new fixed parts is first deserialised by rclpy and checked; rclpy or
+        `check` raise if it is not valid.
         """
         if len(data) == len(self._data):
             fixed = b''.join([data[part] for part in self._fixed])
@@ -90,16 +89,17 @@ class WireFormat:
 
 
 def _serialized(message: Any, layout: np.dtype) -> bytearray:
-    """Return the bytes of a message, of which it is checked that they have this layout.
+    """Return the bytes of a message, after a check that rclpy serialises it in this layout.
 
-    rclpy leaves between two fields whatever its memory held, and reserves more at the end than
-    empty sequences take. Here the gaps are zero, and the end is the layout's.
+    rclpy leaves arbitrary bytes in the padding between fields, and appends more bytes than empty
+    sequences need. Here padding is zero, and the message ends where the layout does.
     """
     kind, example = type(message), serialize_message(message)
     data = bytearray(layout.itemsize)
     for part in (_ENCAPSULATION, *(place(layout, name) for name in layout.names or ())):
         data[part] = example[part]
-    whole = len(data) == layout.itemsize
-    if not whole or deserialize_message(bytes(data), kind) != deserialize_message(example, kind):
-        raise AssertionError(f'{kind.__name__}: rclpy has another layout')
+    same_length = len(data) == layout.itemsize
+    original = deserialize_message(example, kind)
+    if not same_length or deserialize_message(bytes(data), kind) != original:
+        raise AssertionError(f'{kind.__name__}: rclpy serialises it in another layout')
     return data

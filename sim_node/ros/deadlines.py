@@ -1,4 +1,4 @@
-"""Keeping a rate on the monotonic clock, and how well it was kept. All times in seconds."""
+"""Deadlines of steps in real time, and statistics of step times; monotonic times in [s]."""
 
 from collections import deque
 
@@ -9,16 +9,17 @@ _WINDOW = 3600  # steps
 
 
 class Pace:
-    """Absolute deadlines: what a step loses, the next ones make up for, and nothing drifts.
+    """Absolute deadlines at a fixed rate, so that delays of single steps do not accumulate.
 
-    A loop that is more than a second behind gives up what it has lost and goes on from there.
+    A loop that is more than a second late skips the missed deadlines and continues from there.
 
     Args:
         rate: steps per second.
 
     Attributes:
         period: time between two steps.
-        missed: steps that began only when the next one was due already, and deadlines given up.
+        missed: number of steps that began when the next one was already due, and of skipped
+            deadlines.
     """
 
     def __init__(self, rate: float) -> None:
@@ -27,15 +28,15 @@ class Pace:
         self.start(0, 0.0)
 
     def start(self, step: int, now: float) -> None:
-        """Let `step` be the one that is made now."""
-        self._first, self._begin = step, now
+        """Start, or restart, the deadlines with `step` at time `now`."""
+        self._first_step, self._start_time = step, now
 
     def due(self, step: int) -> float:
-        """Return when a step is to be made."""
-        return self._begin + (step - self._first) * self.period
+        """Return the deadline of a step."""
+        return self._start_time + (step - self._first_step) * self.period
 
     def note(self, step: int, now: float) -> None:
-        """Note that a step is made now."""
+        """Record that a step is made at time `now`."""
         lag = now - self.due(step)
         if lag > _LAG_LIMIT:
             self.missed += int(lag / self.period)
@@ -45,10 +46,9 @@ class Pace:
 
 
 class StepTimes:
-    """The time from one step to the next: median, 99th percentile and maximum.
+    """Statistics of the time from one step to the next: median, 99th percentile and maximum.
 
-    The percentiles are those of the last 3600 steps, a minute of real time; the maximum is that
-    of all steps.
+    The percentiles cover the last 3600 steps, a minute in real time; the maximum covers all steps.
     """
 
     def __init__(self) -> None:
@@ -57,20 +57,20 @@ class StepTimes:
         self.restart()
 
     def restart(self) -> None:
-        """Begin or interrupt the series of steps: what lies between is no step's time."""
+        """Begin a new series of steps: the time since the last step does not count."""
         self._last: float | None = None
 
     def note(self, now: float) -> None:
-        """Note that a step is made now."""
+        """Record that a step is made at time `now`."""
         if self._last is not None:
             self._times.append(now - self._last)
             self._longest = max(self._longest, now - self._last)
         self._last = now
 
     def summary(self) -> dict[str, str]:
-        """Return the figures by name [ms]; empty before the second step."""
+        """Return the statistics [ms] by name; empty before the second step."""
         if not self._times:
             return {}
         median, high = np.percentile(self._times, [50, 99])
-        figures = {'p50': median, 'p99': high, 'max': self._longest}
-        return {f'step time {name} [ms]': f'{1e3 * time:.2f}' for name, time in figures.items()}
+        statistics = {'p50': median, 'p99': high, 'max': self._longest}
+        return {f'step time {name} [ms]': f'{1e3 * time:.2f}' for name, time in statistics.items()}

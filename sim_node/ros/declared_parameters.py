@@ -1,4 +1,4 @@
-"""(ROS) Declares the parameters of a node from the declared fields of dataclasses."""
+"""(ROS) Declaration of a node's parameters from the declared fields of dataclasses."""
 
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -12,24 +12,24 @@ _Options = TypeVar('_Options')
 
 
 def declare(node: RosNode, parameters: Parameters, defaults: _Options) -> _Options:
-    """Declare parameters of a node; return their values.
+    """Declare parameters of a node; return their values as an instance of their dataclass.
 
     Args:
-        node: to declare them.
-        parameters: which.
-        defaults: instance of their dataclass with the values of the parameters that are not given.
+        node: the node.
+        parameters: the parameters to declare.
+        defaults: instance of their dataclass with the default values.
 
     Returns:
-        The instance with the values that are given.
+        A copy of `defaults` with the values that were given to the node.
 
     Raises:
-        InvalidInput: a value is off; the error names the node.
+        InvalidInput: a value has the wrong type or is out of range; the error names the node.
     """
     values = {}
     for name, f in parameters.fields.items():
         default, meta = getattr(defaults, f.name), f.metadata
         if 'low' in meta:
-            if isinstance(f.default, float):  # a file may have 1 where 1.0 is meant
+            if isinstance(f.default, float):  # a file may contain 1 for 1.0
                 default = float(default)
             values[f.name] = node.parameter(name, default, describe(f), meta['low'], meta['high'])
         else:

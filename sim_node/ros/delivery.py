@@ -1,16 +1,16 @@
-"""What came over the links between nodes, by control step: on time, late, or lost."""
+"""Delivery statistics of the links between nodes: messages on time, late, or lost."""
 
-_MEMORY = 1000  # missing steps that may still come late
+_MEMORY = 1000  # missing messages per link that can still count as late
 
 
 class Link:
-    """The account of one link.
+    """Delivery statistics of one link, which carries one message per control step.
 
     Attributes:
-        on_time: messages that were there when they were needed.
-        late: messages that came after that.
-        lost: messages that have not come so far.
-        newest: newest step whose message was on time; -1 if none was.
+        on_time: number of messages that arrived before they were needed.
+        late: number of messages that arrived after that.
+        lost: number of messages that have not arrived.
+        newest: newest step whose message was on time; -1 if there is none.
     """
 
     def __init__(self) -> None:
@@ -18,13 +18,13 @@ class Link:
         self.restart()
 
     def restart(self) -> None:
-        """Begin an episode: nothing that was missing before can come late any more."""
+        """Begin an episode: messages missing from the one before can no longer count as late."""
         self.newest = -1
-        self._missing: dict[int, None] = {}  # in the order in which they were missed
+        self._missing: dict[int, None] = {}  # an ordered set of steps
 
-    def close_step(self, step: int, came: bool) -> None:
-        """Note whether the message of a step is there, now that it is needed."""
-        if came:
+    def close_step(self, step: int, arrived: bool) -> None:
+        """Record, when the message of a step is needed, whether it has arrived."""
+        if arrived:
             self.on_time += 1
             self.newest = step
             return
@@ -34,25 +34,25 @@ class Link:
             del self._missing[next(iter(self._missing))]
 
     def arrive(self, step: int) -> None:
-        """Note that a message has come, and none of those between it and the newest before."""
+        """Record the arrival of a message; those between it and the newest one count as lost."""
         for missing in range(self.newest + 1, step) if self.newest >= 0 else ():
             self.close_step(missing, False)
         self.close_step(step, True)
 
     def note_late(self, step: int) -> None:
-        """Note that the message of a step has come after its step was closed."""
+        """Record that the message of a step has arrived after `close_step`."""
         if step in self._missing:
             del self._missing[step]
             self.lost -= 1
             self.late += 1
 
     def counts(self) -> dict[str, int]:
-        """Return the account by name."""
+        """Return the number of messages by outcome."""
         return {'on time': self.on_time, 'late': self.late, 'lost': self.lost}
 
 
 def link_figures(links: dict[str, Link]) -> dict[str, int]:
-    """Return what /diagnostics shows of links: `<topic> on time`, `... late` and `... lost`."""
+    """Return the values for /diagnostics: `<topic> on time`, `<topic> late`, `<topic> lost`."""
     return {
         f'{topic} {outcome}': count
         for topic, link in links.items() for outcome, count in link.counts().items()

@@ -1,6 +1,6 @@
-"""What a node takes and offers: its parameters, topics and services, as declarations.
+"""Declarations of a node's interface: parameters, topics and services.
 
-The nodes, the SROS 2 policy and docs/graph.md are made from them.
+The nodes, the SROS 2 policy and docs/graph.md are generated from them.
 """
 
 import textwrap
@@ -11,14 +11,15 @@ from sim_node.model.constants import declared, describe, shown
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic.
+    """The declaration of a topic.
 
     Attributes:
-        name: with / before it global; else below the robot's namespace, or below a voxel's name.
-        type: of its messages, such as 'sensor_msgs/msg/JointState'.
-        when: a message is published.
-        content: of a message.
-        of_voxel: each voxel has one.
+        name: global if it begins with /; else relative to the robot's namespace, or to a voxel's
+            name if `of_voxel`.
+        type: message type, such as 'sensor_msgs/msg/JointState'.
+        when: when messages are published.
+        content: content of a message.
+        of_voxel: whether each voxel has such a topic.
     """
 
     name: str
@@ -28,13 +29,13 @@ class Topic:
     of_voxel: bool = False
 
     def of(self, voxel: str) -> str:
-        """Return its name below the robot's namespace, for one voxel."""
+        """Return the topic's name for one voxel, relative to the robot's namespace."""
         return f'{voxel}/{self.name}'
 
 
 @dataclass(frozen=True)
 class Service:
-    """A service: its name below the robot's namespace, its type, and what it does."""
+    """The declaration of a service: name in the robot's namespace, type, and effect."""
 
     name: str
     type: str
@@ -43,12 +44,12 @@ class Service:
 
 @dataclass(frozen=True)
 class Parameters:
-    """Parameters of a node: the declared fields of a dataclass.
+    """Parameters of a node that are declared fields of a dataclass.
 
     Attributes:
         kind: the dataclass.
-        prefix: before the name of a field, such as 'material.'.
-        only: names of the fields that are parameters; all if empty.
+        prefix: prefix of the field names, such as 'material.'.
+        only: names of the fields that are parameters; all fields if empty.
     """
 
     kind: type
@@ -57,7 +58,7 @@ class Parameters:
 
     @property
     def fields(self) -> dict[str, Field]:
-        """Return the fields by the name of the parameter."""
+        """Return the declared fields by parameter name."""
         return {
             f'{self.prefix}{f.name}': f for f in declared(self.kind)
             if not self.only or f.name in self.only
@@ -66,14 +67,15 @@ class Parameters:
 
 @dataclass(frozen=True)
 class NodeInterface:
-    """A kind of node.
+    """The declaration of a node's interface.
 
     Attributes:
-        name: of the node; of its program, too, if `ros2 run` starts it.
-        title: for people.
-        purpose: one sentence.
-        run: how to start one.
-        parameters, publishes, subscribes, serves: besides those that every ROS node has.
+        name: name of the node, and of its executable if `ros2 run` starts it.
+        title: heading in the documentation.
+        purpose: what the node does, in one sentence.
+        run: command that starts it.
+        parameters, publishes, subscribes, serves: its parameters, topics and services, without
+            those that every ROS node has.
     """
 
     name: str
@@ -100,7 +102,7 @@ def node_help(node: NodeInterface) -> str:
 ROSOUT = Topic('/rosout', 'rcl_interfaces/msg/Log', 'when the node logs', 'what nodes log')
 
 DIAGNOSTICS_PERIOD = 1.0
-"""Seconds of wall time between two messages of a node about its state."""
+"""Wall time [s] between two diagnostic messages of a node."""
 
 DIAGNOSTICS = Topic(
     '/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray',

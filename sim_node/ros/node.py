@@ -1,7 +1,7 @@
 """(ROS) The simulation node: publishes each voxel's sensors, applies each voxel's actuation.
 
-Lock-step: it publishes `sensors`(k), waits until every voxel has answered with `actuation`(k),
-steps the physics and goes on with k + 1. Real time: it steps when a step is due and never waits.
+In lock-step it publishes `sensors`(k), waits until every voxel has answered with `actuation`(k),
+steps the physics and continues with k + 1. In real time it steps at each deadline without waiting.
 It never computes a control signal itself.
 """
 
@@ -28,13 +28,13 @@ from sim_node.ros.publishers import Broadcast
 from sim_node.ros.sim_interface import ACTUATION, PAUSE, RESET, SIM_NODE, STEP
 from sim_node.simulation import Diverged
 
-_SLOW = 0.5  # seconds after which a voxel that is waited for is named
-_SOON = 1000  # nanoseconds until a step that is due
+_SLOW = 0.5  # seconds after which the diagnostics name the voxels without an answer
+_SOON = 1000  # nanoseconds until a step whose deadline has passed
 _FAILED = 1
 
 
 class SimNode(RosNode):
-    """One robot's body in its world, as a ROS node."""
+    """A ROS node that simulates one robot's body in its world."""
 
     def __init__(self) -> None:
         super().__init__(SIM_NODE.name)
@@ -49,11 +49,11 @@ class SimNode(RosNode):
         self._real_time = factor > 0.0
         self._answers = Answers(self._voxels, hold=self._real_time)
         self._begun, self._paused = False, self._options.start_paused
-        self._to_make: int | None = None
+        self._requested_steps: int | None = None
         self._waiting_since = time.monotonic()
-        self._named_step = -1
+        self._reported_step = -1
         self._times = StepTimes()
-        self._pace = Pace(CONTROL_RATE * (factor or 1.0))  # of use in real time only
+        self._pace = Pace(CONTROL_RATE * (factor or 1.0))  # used in real time only
         self._tick_timer = self.create_timer(1.0, self._tick, autostart=False)
         self.create_timer(0.25, self._watch)
         if self._options.recorders:
@@ -76,21 +76,22 @@ class SimNode(RosNode):
         self.create_service(Trigger, STEP.name, self._serve_step)
 
     def _begin_if_recorded(self) -> None:
-        """Begin as soon as every recorder listens to all that will be said."""
-        missing, limit = self._broadcast.unheard(self._options.recorders), self._options.start_limit
+        """Begin as soon as every recorder has subscribed to all topics."""
+        missing = self._broadcast.unrecorded_topics(self._options.recorders)
+        limit = self._options.start_limit
         if not missing:
             self._start_timer.cancel()
             self._begin()
         elif time.monotonic() - self._waiting_since > limit:
             self.get_logger().error(
-                f'within {limit:g} s too few nodes listen to: {", ".join(missing)}'
+                f'after {limit:g} s recorders have not subscribed to: {", ".join(missing)}'
             )
             self.exit_code = _FAILED
 
     def _begin(self) -> None:
-        """Put the robot down, expect every voxel again, and publish step 0."""
+        """Begin an episode: put the robot down, wait for every voxel again, publish step 0."""
         self._episode = new_episode(self.simulation.solver.physics)
-        self._begun, self._to_make = True, None
+        self._begun, self._requested_steps = True, None
         if not self._real_time:
             self._answers.silent.clear()
         self._answers.restart(time.monotonic())
@@ -100,7 +101,7 @@ class SimNode(RosNode):
         self._publish_step()
 
     def _publish_step(self) -> None:
-        """Publish the state at the present step and start to wait for actuation."""
+        """Publish state and sensors at the present step and start to wait for actuation."""
         self._answers.open_step()
         self._waiting_since = time.monotonic()
         self._broadcast.publish_state()
@@ -117,13 +118,13 @@ class SimNode(RosNode):
             episode, sent, a = topics.read_joint_state(
                 self._actuation_wires[i], data, -1.0, 1.0
             )
-            mine = self._begun and episode == self._episode.tobytes()
-            if mine and sent > step:
+            is_current = self._begun and episode == self._episode.tobytes()
+            if is_current and sent > step:
                 raise InvalidInput('stamp', f'step {sent}', f'at most step {step}')
         except InvalidInput as error:
             self.refuse(ACTUATION.of(voxel), error)
             return
-        if not mine:
+        if not is_current:
             self.count('actuation of another episode')
             return
         was_silent = voxel in self._answers.silent
@@ -135,23 +136,23 @@ class SimNode(RosNode):
         self._advance_if_ready()
 
     def _advance_if_ready(self) -> None:
-        """Make the next step in lock-step, if every voxel has acted that is not silent."""
+        """Make the next step in lock-step if all voxels but the silent ones have answered."""
         waiting = self._free_running or self._answers.missing
         if self._begun and not waiting and not self._halted:
             self._make_step()
 
     @property
     def _halted(self) -> bool:
-        """Tell whether no step may be made now."""
-        return self.exit_code is not None or (self._paused and not self._to_make)
+        """Return whether the node has ended, or is paused without a requested step."""
+        return self.exit_code is not None or (self._paused and not self._requested_steps)
 
     @property
     def _free_running(self) -> bool:
-        """Tell whether steps are made when they are due, whoever has answered."""
+        """Return whether steps are made at their deadlines, without waiting for answers."""
         return self._real_time and self.simulation.step_count >= START_STEPS
 
     def _make_step(self) -> None:
-        self._to_make = None if self._to_make is None else self._to_make - 1
+        self._requested_steps = None if self._requested_steps is None else self._requested_steps - 1
         actuation = self._answers.close_step(self.simulation.step_count)
         try:
             self._readings = self.simulation.step(actuation)
@@ -167,10 +168,10 @@ class SimNode(RosNode):
             self._run_freely()
 
     def _run_freely(self) -> None:
-        """Let real time begin, or go on after a pause."""
+        """Start the deadlines of real time, at the beginning or after a pause."""
         now = time.monotonic()
         self._pace.start(self.simulation.step_count, now)
-        self._answers.renew(now)
+        self._answers.restart_timeouts(now)
         self._times.restart()
         self._await_tick()
 
@@ -180,7 +181,7 @@ class SimNode(RosNode):
         self._tick_timer.reset()
 
     def _tick(self) -> None:
-        """Make the step that is due, in real time, with what actuation there is."""
+        """Make the step that is due, in real time, with the actuation received so far."""
         now, step = time.monotonic(), self.simulation.step_count + 1
         if self._halted:
             self._tick_timer.cancel()
@@ -188,22 +189,22 @@ class SimNode(RosNode):
         if now >= self._pace.due(step):
             self._pace.note(step, now)
             limit = max(self._options.hold_limit, 2.0 * self._pace.period)
-            if fallen := self._answers.let_go(now, limit):
-                self.get_logger().error(f'limp, silent for {limit:g} s: {", ".join(fallen)}')
+            if silent := self._answers.mark_silent(now, limit):
+                self.get_logger().error(f'limp, silent for {limit:g} s: {", ".join(silent)}')
                 self.publish_diagnostics()
             self._make_step()
         self._await_tick()
 
     def _watch(self) -> None:
-        """Name the voxels that let everybody wait too long; stop or go on without them."""
+        """Report voxels that have not answered for too long; stop or continue without them."""
         step, waited = self.simulation.step_count, time.monotonic() - self._waiting_since
         missing = self._answers.missing
         if not missing or self._halted or self._free_running:
             return
-        if waited > _SLOW and self._named_step != step:
-            self._named_step = step
+        if waited > _SLOW and self._reported_step != step:
+            self._reported_step = step
             self.publish_diagnostics()
-        # Until step 2 every voxel has not only to start but to find its neighbours.
+        # Before step 2 the voxels still start and discover their neighbours.
         limit = self._options.silence_limit if step >= START_STEPS else self._options.start_limit
         if waited <= limit:
             return
@@ -226,7 +227,7 @@ class SimNode(RosNode):
         self.exit_code = 0
 
     def close(self) -> None:
-        """Let readers have what was published."""
+        """Wait until subscribers have received the last messages."""
         self.wait_for_readers(self._broadcast.publishers)
 
     def health(self) -> tuple[bytes, str]:
@@ -243,7 +244,7 @@ class SimNode(RosNode):
         return DiagnosticStatus.OK, f'running, step {step}'
 
     def figures(self) -> Mapping[str, object]:
-        """Return step times and what came over the links, for /diagnostics."""
+        """Return step times, missed deadlines and delivery statistics for /diagnostics."""
         missed = {'missed deadlines': self._pace.missed} if self._real_time else {}
         links = {
             ACTUATION.of(voxel): link
@@ -260,14 +261,14 @@ class SimNode(RosNode):
         return response
 
     def _serve_pause(self, request: SetBool.Request, response: SetBool.Response):
-        self._paused, self._to_make = request.data, None
+        self._paused, self._requested_steps = request.data, None
         self._waiting_since = time.monotonic()
         self._times.restart()
         response.success = True
         response.message = f'{"paused" if request.data else "running"} at step ' + str(
             self.simulation.step_count
         )
-        self._go_on()
+        self._resume()
         return response
 
     def _serve_step(self, request: Trigger.Request, response: Trigger.Response):
@@ -275,19 +276,19 @@ class SimNode(RosNode):
             response.success = False
             response.message = 'not paused' if self._begun else 'still waiting for recorders'
             return response
-        self._to_make = (self._to_make or 0) + 1
+        self._requested_steps = (self._requested_steps or 0) + 1
         response.success = True
         response.message = f'one step from step {self.simulation.step_count}'
-        self._go_on()
+        self._resume()
         return response
 
-    def _go_on(self) -> None:
-        """Do what a service allows to be done now."""
+    def _resume(self) -> None:
+        """Make the steps that a service call has made possible."""
         if not self._free_running:
             self._advance_if_ready()
         elif not self._paused:
             self._run_freely()
-        elif self._to_make:
+        elif self._requested_steps:
             self._make_step()
 
 

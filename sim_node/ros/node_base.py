@@ -1,4 +1,4 @@
-"""(ROS) What every node of the project shares: parameters, executor, diagnostics, clean exit."""
+"""(ROS) The base of all nodes: parameters, executor, diagnostics, and a clean exit."""
 
 import os
 import platform
@@ -33,8 +33,8 @@ from sim_node.ros.interface import DIAGNOSTICS, DIAGNOSTICS_PERIOD
 
 BAD_INPUT = 2
 
-_STOP_LATENCY = 0.1  # seconds between looks at whether a signal came
-_SPIN_PERIOD = 60.0  # seconds; without a limit EventsExecutor waits actively
+_STOP_LATENCY = 0.1  # seconds between checks for a signal
+_SPIN_PERIOD = 60.0  # seconds; without a timeout EventsExecutor busy-waits
 _DRAIN_LIMIT = 3.0
 _READERS_LIMIT = 2.0
 
@@ -42,10 +42,11 @@ _ALLOWED_UNDECLARED = ('use_sim_time', 'start_type_description_service')
 
 
 class RosNode(Node):
-    """A node whose parameters are checked and whose end is a plain exit code.
+    """A node with checked parameters, diagnostics and an exit code.
 
     Attributes:
-        ended: done as soon as `exit_code` is set.
+        ended: future that is done as soon as `exit_code` is set.
+        counters: counts by name that /diagnostics shows, see `count`.
     """
 
     def __init__(self, name: str, **options: Any) -> None:
@@ -55,18 +56,18 @@ class RosNode(Node):
         self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS.name, 10)
         self.create_timer(DIAGNOSTICS_PERIOD, self.publish_diagnostics)
         self.counters: dict[str, int] = {}
-        self._reported = time.monotonic(), 0  # when, and steps made until then
+        self._reported = time.monotonic(), 0  # time, and number of steps at that time
 
     @property
     def subscriptions(self) -> Iterator[Subscription]:
-        """Return the subscriptions that executors serve: not those whose node takes by itself."""
+        """Return the subscriptions that executors serve: all but the mailboxes."""
         return (s for s in super().subscriptions if s not in self._taken_by_node)
 
     def create_mailbox(self, kind: type, topic: str, qos: QoSProfile) -> Callable[[], list[bytes]]:
-        """Subscribe to serialised messages without waking for each of them.
+        """Subscribe to serialised messages without a callback for each of them.
 
         Returns:
-            A function that takes what has arrived since its last call, oldest first.
+            A function that returns the messages since its last call, oldest first.
         """
         subscription = self.create_subscription(kind, topic, lambda data: None, qos, raw=True)
         self._taken_by_node.append(subscription)
@@ -81,7 +82,7 @@ class RosNode(Node):
 
     @property
     def exit_code(self) -> int | None:
-        """Return None while the node runs; set it to end the process with that code."""
+        """Return the exit code, None while the node runs; setting it ends the process."""
         return self.ended.result()
 
     @exit_code.setter
@@ -96,7 +97,7 @@ class RosNode(Node):
         clock: Clock | None = None,
         autostart: bool = True,
     ) -> Timer:
-        """Create a timer on wall time: it must go on when simulated time stands still."""
+        """Create a timer on wall time, which continues while simulated time stands still."""
         clock = clock or Clock(clock_type=ClockType.STEADY_TIME)
         return super().create_timer(timer_period_sec, callback, callback_group, clock, autostart)
 
@@ -113,14 +114,15 @@ class RosNode(Node):
         """Declare a read-only parameter with its description and range; return its value.
 
         Args:
-            name: of the parameter.
-            default: its value if none is given; its type is the parameter's.
-            text: what it is, for its description and for errors.
-            low, high: its range, inclusive, if it is a number.
-            any_type: values may have another type than `default`; the caller checks them.
+            name: name of the parameter.
+            default: default value, of the type of the parameter.
+            text: meaning of the parameter, for its description and for errors.
+            low, high: inclusive range of a number.
+            any_type: whether values may have another type than `default`; the caller then checks
+                them.
 
         Raises:
-            InvalidInput: the value given has another type or is out of range.
+            InvalidInput: the given value has another type or is out of range.
         """
         descriptor = ParameterDescriptor(
             description=text, read_only=True, dynamic_typing=any_type
@@ -138,7 +140,7 @@ class RosNode(Node):
         given = override.value if override is not None else None
         number = given if type(given) in (int, float) else None
         if number is not None and isinstance(default, (float, str)) and not any_type:
-            # What looks like a number to ROS may be meant as 1.0, as the grid 11111, as a share.
+            # ROS parses 1 as an integer where 1.0, the grid 1 or a share is meant.
             value = type(default)(number)
             self._parameter_overrides[name] = rclpy.Parameter(name, value=value)
         try:
@@ -151,7 +153,7 @@ class RosNode(Node):
             raise InvalidInput(name, given, expected, self.where()) from None
 
     def check_unknown_parameters(self) -> None:
-        """Raise InvalidInput if a value was given for a parameter that does not exist."""
+        """Raise InvalidInput if a value was given for a parameter that was not declared."""
         for name, override in self._parameter_overrides.items():
             ignored = name in _ALLOWED_UNDECLARED or name.startswith('qos_overrides.')
             if not ignored and not self.has_parameter(name):
@@ -160,7 +162,7 @@ class RosNode(Node):
                 raise InvalidInput(f'parameter {name}', override.value, expected, self.where())
 
     def where(self) -> str:
-        """Return the source of the parameters for error messages: params files and this node."""
+        """Return the source of the parameters for errors: parameter files and the node's name."""
         files = [b for a, b in zip(sys.argv, sys.argv[1:], strict=False) if a == '--params-file']
         return ', '.join([*files, self.get_fully_qualified_name()])
 
@@ -169,35 +171,35 @@ class RosNode(Node):
         self.counters[name] = self.counters.get(name, 0) + 1
 
     def refuse(self, topic: str, error: Exception) -> None:
-        """Count a message that cannot be used and say why, at most once a second."""
+        """Count an invalid message, and log the error at most once a second."""
         self.count('refused messages')
         self.get_logger().warning(f'{topic}: refused: {error}', throttle_duration_sec=1.0)
 
     def draining(self) -> bool:
-        """Tell, once the end was asked for, whether messages are still to be taken."""
+        """Return whether an ending node still has to process messages; nodes override it."""
         return False
 
     def wait_for_readers(self, publishers: Sequence[Any]) -> None:
-        """Let readers have what was published before the publishers vanish, for a while."""
+        """Wait up to 2 s until subscribers have acknowledged all published messages."""
         deadline = time.monotonic() + _READERS_LIMIT
         for publisher in (*publishers, self._diagnostics):
-            left = deadline - time.monotonic()
-            if left > 0.0 and publisher.get_subscription_count():
-                publisher.wait_for_all_acked(Duration(seconds=left))
+            remaining = deadline - time.monotonic()
+            if remaining > 0.0 and publisher.get_subscription_count():
+                publisher.wait_for_all_acked(Duration(seconds=remaining))
 
     def close(self) -> None:
-        """Finish what the node has begun, before it is destroyed; nodes override it."""
+        """Finish pending work before the node is destroyed; nodes override it."""
 
     def health(self) -> tuple[bytes, str]:
-        """Return (DiagnosticStatus level, one line); nodes override it."""
+        """Return (DiagnosticStatus level, one-line message); nodes override it."""
         return DiagnosticStatus.OK, 'running'
 
     def figures(self) -> Mapping[str, object]:
-        """Return what /diagnostics shows besides the counters; nodes override it."""
+        """Return further values for /diagnostics besides the counters; nodes override it."""
         return {}
 
     def publish_diagnostics(self) -> None:
-        """Tell the state: once a second, at the end, and whenever something has happened."""
+        """Publish the state: called once a second, at the end, and when the state changes."""
         level, text = self.health()
         now, steps = time.monotonic(), self.counters.get('steps', 0)
         then, before = self._reported
@@ -215,16 +217,16 @@ class RosNode(Node):
 
 
 def new_executor() -> Executor:
-    """Return the fastest executor that this rclpy has."""
+    """Return an EventsExecutor, or a SingleThreadedExecutor if rclpy has none."""
     try:
         from rclpy.experimental import EventsExecutor
-    except ImportError:  # an older rclpy
+    except ImportError:  # rclpy is older
         return SingleThreadedExecutor()
     return EventsExecutor()
 
 
 class _Stop:
-    """Notes Ctrl-C and SIGTERM, so that nodes can end with their context still valid."""
+    """Records SIGINT and SIGTERM, so that nodes can end while their context is still valid."""
 
     def __init__(self) -> None:
         self.requested = False
@@ -240,7 +242,7 @@ def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> i
 
     Args:
         make_nodes: makes the nodes; may raise InvalidInput.
-        argv: command line after the program's name, with --ros-args.
+        argv: command line after the program name, with --ros-args.
     """
     stop = _Stop()
     nodes: Sequence[RosNode] = ()
@@ -264,15 +266,15 @@ def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> i
         executor.add_node(node)
     end = Future()
 
-    def look() -> None:
+    def check_end() -> None:
         if stop.requested or any(node.exit_code is not None for node in nodes):
             end.set_result(None)
 
     for node in nodes:
-        node.ended.add_done_callback(lambda _: look())
-    # A timer, not the executor's timeout: that one is not heeded while messages keep coming.
-    nodes[0].create_timer(_STOP_LATENCY, look)
-    look()
+        node.ended.add_done_callback(lambda _: check_end())
+    # A timer, since the executor ignores its timeout while messages keep arriving.
+    nodes[0].create_timer(_STOP_LATENCY, check_end)
+    check_end()
     while not end.done():
         executor.spin_until_future_complete(end, _SPIN_PERIOD)
     deadline = time.monotonic() + _DRAIN_LIMIT
@@ -290,7 +292,7 @@ def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> i
 
 
 def _is_bad_arguments(error: Exception) -> bool:
-    """Tell whether rcl refused the command line or a params file."""
+    """Return whether rcl rejected the command line or a parameter file."""
     kinds = ('RCLError', 'UnknownROSArgsError', 'RCLInvalidROSArgsError', 'InvalidNodeName',
              'NodeNameNonExistentError', 'InvalidNamespace', 'InvalidNodeNameException',
              'InvalidNamespaceException')

@@ -1,4 +1,4 @@
-"""(ROS) What the parameters of the simulation node ask for: how to run, the body and its world."""
+"""(ROS) The simulation and its run options from the parameters of the simulation node."""
 
 import os
 from dataclasses import replace
@@ -17,21 +17,21 @@ from sim_node.simulation import Simulation
 
 
 def options_of(node: RosNode) -> RunOptions:
-    """Return how to run, from the parameters of a node.
+    """Declare the run options as parameters of a node; return their values.
 
     Raises:
-        InvalidInput: a parameter is off.
+        InvalidInput: a parameter is invalid.
     """
     return declare(node, sim_interface.RUN, RunOptions())
 
 
 def simulation_of(node: RosNode) -> Simulation:
-    """Return the simulation that the parameters of a node describe.
+    """Return the simulation described by the parameters of a node.
 
-    What a controller file says is the default of the parameters of the body and its world.
+    A controller file gives the defaults of the parameters of the body and its world.
 
     Raises:
-        InvalidInput: a parameter is off, or the controller file cannot be read.
+        InvalidInput: a parameter is invalid, or the controller file cannot be read.
     """
     options = declare(node, sim_interface.CONTROLLER, BodyOptions())
     material, solver = Material(), Solver()
@@ -54,7 +54,7 @@ def simulation_of(node: RosNode) -> Simulation:
 
 
 def _body(path: str, where: str) -> BodyPart | None:
-    """Return the body's part of a controller file; None if no file is given."""
+    """Return the description of the body in a controller file; None if no file is given."""
     if not path:
         return None
     if not os.path.exists(path):

@@ -1,4 +1,4 @@
-"""(ROS) What the simulation tells: clock, odometry and markers to all, sensors to each voxel."""
+"""(ROS) The publishers of the simulation: clock, odometry, markers, and sensors of each voxel."""
 
 from collections.abc import Sequence
 
@@ -49,13 +49,13 @@ class Broadcast:
         sensors = [publisher for publisher, _ in self._sensors]
         return [self._odometry, self._markers, self._clock, *sensors]
 
-    def unheard(self, recorders: int) -> list[str]:
-        """Return the topics that so many recorders do not listen to yet."""
+    def unrecorded_topics(self, recorders: int) -> list[str]:
+        """Return the topics to which fewer than `recorders` recorders have subscribed."""
         names = [self._odometry.topic_name]
         for voxel in self._simulation.morphology.voxel_names:
             for topic in (ACTUATION, SENSORS):
                 names.append(self._node.resolve_topic_name(topic.of(voxel)))
-        # Every voxel topic has a listener besides: the voxel, or the simulation.
+        # A voxel's topics have one more subscriber: the voxel or the simulation.
         needed = [recorders] + [recorders + 1] * (len(names) - 1)
         return [
             name for name, need in zip(names, needed, strict=True)
@@ -63,7 +63,7 @@ class Broadcast:
         ]
 
     def publish_state(self) -> None:
-        """Tell everybody where the robot is at the present step."""
+        """Publish clock, odometry and markers of the present step."""
         simulation = self._simulation
         step = simulation.step_count
         stamp = stamp_of_step(step)
@@ -78,16 +78,16 @@ class Broadcast:
         if step % MARKER_PERIOD == 0:
             world = simulation.world
             self._markers.publish(self._robot.encode(world.corners, world.area_ratios))
-        if step % CONTROL_RATE == 0:  # again and again, for viewers that come late
+        if step % CONTROL_RATE == 0:  # repeated for viewers that join late
             self._markers.publish(self._ground)
 
     def publish_sensors(self, readings: np.ndarray, episode: np.ndarray) -> None:
-        """Tell each voxel its readings at the present step.
+        """Publish each voxel's readings at the present step.
 
         Args:
             readings: (n_voxels, 4).
             episode: as from `sim_node.episode.new_episode`.
         """
         stamp = stamp_of_step(self._simulation.step_count)
-        for (publisher, wire), mine in zip(self._sensors, readings, strict=True):
-            publisher.publish(wire.encode(stamp, position=mine, episode=episode))
+        for (publisher, wire), own in zip(self._sensors, readings, strict=True):
+            publisher.publish(wire.encode(stamp, position=own, episode=episode))

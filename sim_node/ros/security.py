@@ -1,4 +1,4 @@
-"""SROS 2 when the environment asks for it: a graph that is refused rather than open by mistake."""
+"""Checks of the environment's SROS 2 settings, so that a graph is never insecure by mistake."""
 
 import os
 import subprocess
@@ -11,18 +11,18 @@ from sim_node.errors import InvalidInput
 ENABLE, STRATEGY, KEYSTORE = (
     'ROS_SECURITY_ENABLE', 'ROS_SECURITY_STRATEGY', 'ROS_SECURITY_KEYSTORE'
 )
-NO_PLUGINS = 'security libraries'  # what rmw_fastrtps says it lacks
+NO_PLUGINS = 'security libraries'  # in the error of rmw_fastrtps built without plug-ins
 _PROBE = 'import rclpy; rclpy.init(args=[]); rclpy.create_node("probe")'
 _WANTED = 'a middleware with security plugins; the one from PyPI has none (docs/security.md)'
 
 
 def is_requested() -> bool:
-    """Tell whether the environment asks for security.
+    """Return whether the environment enables security.
 
-    rcl itself takes any value of these variables that it does not know for a no.
+    rcl itself treats unknown values of these variables as false, which leaves the graph insecure.
 
     Raises:
-        InvalidInput: it asks for something that would leave the graph open.
+        InvalidInput: a variable has another value, or the strategy allows nodes without keys.
     """
     enable = os.environ.get(ENABLE, '')
     if enable in ('', 'false'):
@@ -36,11 +36,12 @@ def is_requested() -> bool:
 
 
 def check_middleware() -> None:
-    """Raise InvalidInput if security is asked for and the middleware is built without it."""
+    """Raise InvalidInput if security is enabled but the middleware is built without it."""
     if not is_requested():
         return
-    with tempfile.TemporaryDirectory() as keystore:  # without keys: nodes fail for one reason or
-        (Path(keystore) / 'enclaves').mkdir()        # the other, and say for which
+    # With an empty keystore the node fails; the error shows whether plug-ins or keys are missing.
+    with tempfile.TemporaryDirectory() as keystore:
+        (Path(keystore) / 'enclaves').mkdir()
         probe = subprocess.run(
             [sys.executable, '-c', _PROBE], check=False, capture_output=True, text=True,
             env={**os.environ, KEYSTORE: keystore},
@@ -50,7 +51,7 @@ def check_middleware() -> None:
 
 
 def explained(reason: str) -> str:
-    """Return why a node could not be made although security was asked for."""
+    """Return the error text for a node that could not be created with security enabled."""
     if NO_PLUGINS in reason:
         return str(InvalidInput(ENABLE, 'true', _WANTED))
     keystore = os.environ.get(KEYSTORE, '')

@@ -1,4 +1,4 @@
-"""The simulation node's parameters, topics and services, as declarations."""
+"""Declarations of the simulation node's parameters, topics and services."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from sim_node.model.terrain import DEFAULT_TERRAIN, TERRAIN_FORM
 from sim_node.ros.interface import DIAGNOSTICS, ROSOUT, NodeInterface, Parameters, Service, Topic
 
 MARKER_PERIOD = 2
-"""Control steps between two messages of the markers."""
+"""Control steps between two marker messages."""
 
 _EACH_STEP = f'every control step, {CONTROL_RATE} per simulated second'
 
@@ -43,15 +43,15 @@ ACTUATION = Topic(
 
 @dataclass(frozen=True)
 class BodyOptions(Checked):
-    """Which body is simulated in which world; a controller file gives other defaults.
+    """Options that select the body and its world; a controller file gives other defaults.
 
     Raises:
-        InvalidInput: a value is off.
+        InvalidInput: a value is invalid.
     """
 
     controller: str = text_value(
-        '', 'controller file, from which morphology, terrain, material and solver come unless '
-        'parameters give others', 'path of a file, .npz',
+        '', 'controller file with the defaults of morphology, terrain, material and solver',
+        'path of a file, .npz',
     )
     morphology: str = text_value(
         DEFAULT_SHAPE, 'shape of the robot', 'name or grid, e.g. biped, comb-7x2, 1111-1001'
@@ -62,37 +62,37 @@ class BodyOptions(Checked):
 
 @dataclass(frozen=True)
 class RunOptions(Checked):
-    """How a simulation node runs.
+    """Options of the run of a simulation node.
 
     Raises:
-        InvalidInput: a value is off.
+        InvalidInput: a value is invalid.
     """
 
     duration: float = constant(
         0.0, 0.0, 1e6, 'simulated time after which the node ends, 0 for never', 's'
     )
     silence_limit: float = constant(
-        10.0, 0.1, 3600.0, 'wall time in which a voxel has to answer', 's'
+        10.0, 0.1, 3600.0, 'wall time within which a voxel must answer', 's'
     )
     start_limit: float = constant(
-        60.0, 0.1, 3600.0, 'wall time until all voxels must have answered for the first time', 's'
+        60.0, 0.1, 3600.0, 'wall time within which all voxels must answer for the first time', 's'
     )
     on_silence: str = choice(
-        'stop', ('stop', 'go_on'), 'what to do about a silent voxel: end with an error that names '
-        'it, or continue without it (the voxels then need a `patience` below `silence_limit`)'
+        'stop', ('stop', 'go_on'), 'what to do if a voxel does not answer: end with an error that '
+        'names it, or continue without it (`patience` of the voxels must be below `silence_limit`)'
     )
     real_time_factor: float = constant(
         0.0, 0.0, 100.0, 'simulated time over wall time, kept without waiting for voxels (which '
-        'need `real_time`); 0 for lock-step, as fast as all of them answer'
+        'need `real_time`); 0 for lock-step, as fast as all voxels answer'
     )
     hold_limit: float = constant(
-        0.25, 0.0, 3600.0, 'real time: wall time without an answer after which a voxel goes limp; '
-        'until then it holds its last actuation; at least two steps', 's'
+        0.25, 0.0, 3600.0, 'real time: wall time without an answer after which the actuation of a '
+        'voxel is 0; until then it holds its last value; at least two steps', 's'
     )
     recorders: int = constant(
-        0, 0, 10, 'recorders that must listen before step 0 is published'
+        0, 0, 10, 'recorders that must have subscribed before step 0 is published'
     )
-    start_paused: bool = flag(False, 'wait for the service `pause` (false) or `step`')
+    start_paused: bool = flag(False, 'start paused: wait for the service `pause` (false) or `step`')
 
 
 CONTROLLER = Parameters(BodyOptions, only=('controller',))

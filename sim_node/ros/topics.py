@@ -1,4 +1,4 @@
-"""(ROS) The body's topics: their stamps and QoS, and readings and actuation as messages."""
+"""(ROS) The simulation's topics: QoS, and conversion of their messages to and from arrays."""
 
 import numpy as np
 from geometry_msgs.msg import Point
@@ -20,20 +20,21 @@ from sim_node.ros.cdr import WireFormat
 WORLD_FRAME = 'world'
 
 QUEUE = 256
-"""Depth of the queues that voxels and simulation read from.
+"""Depth of the subscription queues of voxels and simulation.
 
-In lock-step two would do; the rest is for who floods a topic, at 1 kHz a quarter of a second.
+Lock-step needs two. The rest absorbs a publisher that floods a topic, for a quarter of a second at
+1 kHz.
 """
 
 HISTORY = 1000
-"""Depth of what the writers keep for those who join late or read slowly."""
+"""Depth of the publishers' history, for subscribers that join late or read slowly."""
 
 
 def stream_qos(depth: int = HISTORY) -> QoSProfile:
-    """Return the QoS of everything that is stamped with a control step.
+    """Return the QoS of all topics whose messages are stamped with a control step.
 
-    Reliable, and transient-local so that a node which joins late hears what was said last. The
-    writers keep many steps, so that a recorder may fall behind without losing one.
+    Reliable, and transient-local so that a node which joins late receives the last messages.
+    Publishers keep many steps, so that a recorder may fall behind without losing messages.
     """
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
@@ -65,20 +66,25 @@ def _joint_state_format(voxel: str, names: list[str]) -> WireFormat:
 
 
 def sensors_format(voxel: str) -> WireFormat:
-    """Return the format of `<voxel>/sensors`: position = the four readings."""
+    """Return the format of `<voxel>/sensors`; position = the four readings."""
     return _joint_state_format(voxel, list(SENSORS))
 
 
 def actuation_format(voxel: str) -> WireFormat:
-    """Return the format of `<voxel>/actuation`: position = [a]."""
+    """Return the format of `<voxel>/actuation`; position = [a]."""
     return _joint_state_format(voxel, [voxel])
 
 
 def read_joint_state(wire: WireFormat, data: bytes, low: float, high: float):
-    """Return (episode, step, numbers) of serialised sensors or actuation.
+    """Return (episode, step, numbers) of a serialised message of sensors or actuation.
+
+    Args:
+        wire: format of the message.
+        data: the serialised message.
+        low, high: inclusive range of the numbers.
 
     Raises:
-        InvalidInput: a fixed part, the stamp or a number is not what it should be.
+        InvalidInput: a fixed part, the stamp or a number is not valid.
     """
     try:
         stamp, (numbers, episode) = wire.decode(data, 'position', 'episode')
@@ -99,7 +105,7 @@ def clock_format() -> WireFormat:
 def odometry_format(child_frame: str) -> WireFormat:
     """Return the format of `odometry`: robot centre [m] and velocity [m/s], x forward, z up.
 
-    The robot lives in the plane; orientation stays the identity, pose and twist share its axes.
+    Motion is planar. The orientation is always the identity, so pose and twist have the same axes.
     """
     position, velocity = np.array([1.5, 2.5, 3.5]), np.array([4.5, 5.5, 6.5])
     message = Odometry(child_frame_id=child_frame)
@@ -112,19 +118,19 @@ def odometry_format(child_frame: str) -> WireFormat:
 
 
 def upright(vector: np.ndarray) -> np.ndarray:
-    """Return the simulation's (..., 2) x, y as (..., 3) x forward, y left, z up (REP 103)."""
+    """Convert vectors (..., 2) of the simulation to (..., 3) x forward, y left, z up (REP 103)."""
     out = np.zeros((*vector.shape[:-1], 3))
     out[..., 0], out[..., 2] = vector[..., 0], vector[..., 1]
     return out
 
 
 _TRIANGLES = np.array([0, 1, 2, 0, 2, 3])
-_CORNERS = [0, 1, 2, 5]  # where each corner first stands in _TRIANGLES
+_CORNERS = [0, 1, 2, 5]  # index of each corner's first occurrence in _TRIANGLES
 _OUTLINE = np.array([0, 1, 1, 2, 2, 3, 3, 0])
 
 
 class RobotMarkers:
-    """The robot as a MarkerArray: voxels coloured by area ratio, and their outlines."""
+    """The format of the robot's MarkerArray: voxels coloured by area ratio, and their outlines."""
 
     def __init__(self, n_voxels: int) -> None:
         n_fill, n_line = n_voxels * len(_TRIANGLES), n_voxels * len(_OUTLINE)
@@ -158,10 +164,10 @@ class RobotMarkers:
         )
 
     def decode(self, data: bytes) -> np.ndarray | None:
-        """Return the (n, 4, 2) corners [m] of a message of `encode`, None of any other."""
+        """Return the corners, (n, 4, 2) [m], in a message of `encode`; None for other messages."""
         try:
-            _, (fill,) = self._wire.decode(data[: self._size], 'voxels_points')  # DDS pads
-        except Exception:  # what rclpy says about bytes of another layout
+            _, (fill,) = self._wire.decode(data[: self._size], 'voxels_points')  # DDS adds padding
+        except Exception:  # rclpy raises various errors for other layouts
             return None
         return fill.reshape(-1, len(_TRIANGLES), 3)[:, _CORNERS][..., [0, 2]]
 

@@ -1,4 +1,4 @@
-"""Names of episodes: of eight characters, all different, each with its physics."""
+"""Names of episodes: eight characters, unique, and the physics that they encode."""
 
 import pytest
 from hypothesis import given
@@ -9,7 +9,7 @@ from sim_node.model.physics import PHYSICS
 
 
 @pytest.mark.parametrize('physics', PHYSICS)
-def test_a_name_says_its_physics(physics):
+def test_a_name_encodes_its_physics(physics):
     names = {episode.new_episode(physics).tobytes() for _ in range(100)}
     assert len(names) == 100
     for name in names:
@@ -21,7 +21,7 @@ def test_a_name_says_its_physics(physics):
         assert episode.episode_of(frame) == name
 
 
-def test_every_physics_has_an_initial_of_its_own():
+def test_initials_of_physics_are_unique():
     initials = list(episode._INITIALS.values())
     assert set(episode._INITIALS) == set(PHYSICS)
     assert len(set(initials)) == len(initials)
@@ -35,7 +35,7 @@ def test_every_physics_has_an_initial_of_its_own():
     (b'r5f0c17', 'unknown'), (b'r5f0c17e2', 'unknown'), (b'5f0c17e2\n', 'unknown'),
     (episode.EXAMPLE_EPISODE, 'unknown'),
 ])
-def test_names_of_old_bags_and_of_others(name, physics):
+def test_physics_of_old_and_invalid_names(name, physics):
     assert episode.physics_of_episode(name) == physics
 
 

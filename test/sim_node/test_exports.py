@@ -1,4 +1,4 @@
-"""What `import sim_node` gives, and what it costs."""
+"""The names that `import sim_node` exports, and the modules that it imports."""
 
 import subprocess
 import sys
@@ -11,12 +11,14 @@ from sim_node.simulation import Simulation
 
 def loaded(code):
     """Return the names of the modules that a new process has loaded after `code`."""
-    told = f'{code}\nimport sys\nprint(*sys.modules)'
-    done = subprocess.run([sys.executable, '-c', told], capture_output=True, text=True, check=True)
+    script = f'{code}\nimport sys\nprint(*sys.modules)'
+    done = subprocess.run(
+        [sys.executable, '-c', script], capture_output=True, text=True, check=True
+    )
     return set(done.stdout.split())
 
 
-def test_the_names_are_those_of_the_modules():
+def test_exported_names_are_those_of_the_modules():
     assert sim_node.Simulation is Simulation
     for name in sim_node.__all__:
         assert getattr(sim_node, name).__name__ == name
@@ -25,7 +27,7 @@ def test_the_names_are_those_of_the_modules():
         sim_node.Simulator  # noqa: B018
 
 
-def test_importing_it_is_cheap():
+def test_the_import_loads_few_modules():
     modules = loaded('import sim_node, sim_node.engine')
     assert not modules & {'numba', 'pymunk', 'rclpy', 'matplotlib'}
 

@@ -1,4 +1,4 @@
-"""Layouts say where rosbags, which knows the definitions of messages, writes their fields."""
+"""Layouts of messages, compared with messages that rosbags serialises from their definitions."""
 
 import numpy as np
 from hypothesis import given, settings
@@ -18,7 +18,7 @@ settings.load_profile('steady')
 
 
 def fields_of(message, layout: np.dtype) -> np.ndarray:
-    """Return a serialised message as an item of `layout`, which must have its length."""
+    """Return a message, serialised by rosbags, as an item of `layout`; assert equal lengths."""
     data = STORE.serialize_cdr(message, message.__msgtype__)
     assert len(data) == layout.itemsize
     return np.frombuffer(data, layout)[0]

@@ -1,4 +1,4 @@
-"""Things found by name: lazy entries, names that are taken, and plug-ins that a process imports."""
+"""Registries: lazy entries, names that are taken, and plug-ins."""
 
 import subprocess
 import sys
@@ -14,13 +14,13 @@ def registry():
     return Registry('tool', {'saw': 'pathlib:Path', 'drill': int})
 
 
-def test_an_entry_given_as_text_is_imported_when_it_is_needed(registry):
+def test_an_entry_given_as_a_string_is_imported_at_its_first_use(registry):
     assert list(registry) == ['saw', 'drill']
     assert registry['saw'].__name__ == 'Path'
     assert registry.find('drill') is int
 
 
-def test_an_unknown_name_is_refused_with_the_known_ones(registry):
+def test_the_error_for_an_unknown_name_lists_the_known_ones(registry):
     known = r"a file: tool: .*saw, drill \(did you mean 'drill'\?\)"
     with pytest.raises(InvalidInput, match=known):
         registry.find('dril', 'a file')
@@ -31,7 +31,7 @@ def test_an_unknown_name_is_refused_with_the_known_ones(registry):
         registry.find(None)
 
 
-def test_a_name_is_taken_once(registry):
+def test_a_name_has_one_entry(registry):
     registry.register('file', str)
     registry.register('file', str)
     with pytest.raises(InvalidInput, match='not taken, unlike saw, drill, file'):
@@ -41,14 +41,14 @@ def test_a_name_is_taken_once(registry):
 
 
 @pytest.mark.parametrize('name', ['', 'a b', 'a\n', 3, None])
-def test_a_name_that_no_file_could_hold_is_refused(registry, name):
+def test_invalid_names_are_rejected(registry, name):
     with pytest.raises(InvalidInput, match='tool'):
         registry.register(name, str)
 
 
 PLUGIN = """
 from sim_node.engine import ENGINES, Engine
-assert 'pymunk' in ENGINES  # a plug-in may look things up
+assert 'pymunk' in ENGINES  # a plug-in may make lookups
 
 class Nothing(Engine):
     pass
@@ -64,7 +64,7 @@ def run(code, path, plugins):
     )
 
 
-def test_a_plugin_is_imported_when_something_is_looked_up(tmp_path):
+def test_a_plugin_is_imported_at_the_first_lookup(tmp_path):
     (tmp_path / 'my_engine.py').write_text(PLUGIN)
     code = 'from sim_node.engine import ENGINES; print(*ENGINES); print(ENGINES["nothing"].lanes)'
     result = run(code, tmp_path, 'my_engine')

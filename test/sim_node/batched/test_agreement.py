@@ -1,4 +1,4 @@
-"""The batched engine against the pymunk engine, which is the reference."""
+"""Agreement of the batched engine with the pymunk engine, the reference."""
 
 import numpy as np
 import pymunk
@@ -21,12 +21,12 @@ def still(k: int, n: int) -> np.ndarray:
 
 
 def sines(k: int, n: int) -> np.ndarray:
-    """A wave of actuation from voxel to voxel."""
+    """Return a sine of 1 Hz with a phase shift from voxel to voxel."""
     return np.sin(2.0 * np.pi * k / 60.0 + 0.7 * np.arange(n))
 
 
 def flips(k: int, n: int) -> np.ndarray:
-    """Full contraction or expansion of every voxel, drawn anew ten times a second."""
+    """Return full contraction or expansion of each voxel at random, new ten times a second."""
     return np.random.default_rng(k // 6).choice([-1.0, 1.0], n)
 
 
@@ -47,7 +47,7 @@ def gap(shape, terrain, actuation, seconds, **options) -> np.ndarray:
     return np.array(gaps)
 
 
-def test_munk2d_s_own_constants():
+def test_constants_of_munk2d():
     space, body = pymunk.Space(), pymunk.Body(1.0, 1.0)
     joint = pymunk.PivotJoint(body, space.static_body, (0, 0), (0, 0))
     assert joint.error_bias == space.collision_bias == JOINT_ERROR
@@ -55,11 +55,11 @@ def test_munk2d_s_own_constants():
     assert space.collision_persistence == 3
 
 
-def test_free_fall_and_the_response_of_a_voxel_to_a_step():
-    high_up = {'material': Material(gravity=0.0)}  # it hovers where it is put down
+def test_free_fall_and_the_step_response_of_a_voxel():
+    no_gravity = {'material': Material(gravity=0.0)}  # it stays above the ground
     assert gap('1', 'flat', still, 0.4).max() < 2e-14
-    assert gap('1', 'flat', lambda k, n: np.ones(n), 2.0, **high_up).max() < 1e-13
-    assert gap('1', 'flat', lambda k, n: -np.ones(n), 2.0, **high_up).max() < 1e-13
+    assert gap('1', 'flat', lambda k, n: np.ones(n), 2.0, **no_gravity).max() < 1e-13
+    assert gap('1', 'flat', lambda k, n: -np.ones(n), 2.0, **no_gravity).max() < 1e-13
 
 
 @pytest.mark.parametrize('shape', SHAPES)
@@ -83,7 +83,7 @@ def test_the_first_physics(terrain, actuation):
 @pytest.mark.parametrize(
     'terrain', ['hilly-1-10-0', 'hilly-2-2-1', 'steppy-0.5-10-0', 'steppy-0.3-1-2']
 )
-def test_rough_ground_and_violent_actuation(shape, terrain):
+def test_rough_ground_and_random_full_actuation(shape, terrain):
     assert gap(shape, terrain, flips, 2.5).max() < 1e-6
 
 
@@ -129,7 +129,7 @@ def test_noise_and_seed_are_those_of_the_pymunk_engine():
         )
 
 
-def test_self_collision_names_the_engine_that_has_it():
+def test_the_error_for_self_collision_names_the_engine_that_has_it():
     with pytest.raises(InvalidInput, match='pymunk engine'):
         Simulation('biped', solver=Solver(self_collision=True), engine='batched')
 

@@ -1,4 +1,4 @@
-"""Lanes do not matter: a robot's numbers are its own, to the bit."""
+"""Results of a robot do not depend on the lanes of the batched engine, to the bit."""
 
 import numpy as np
 import pytest
@@ -16,13 +16,13 @@ def _robots(shape: str, terrain: str, width: int) -> Robots:
 
 
 def _run(robots: Robots, actuation: np.ndarray) -> list[bytes]:
-    """Let each robot do its part of (n_steps, n_voxels, W); return what each went through."""
+    """Reset the robots and apply actuation, (n_steps, n_voxels, W); return as `_states`."""
     robots.reset()
-    return _seen(robots, actuation)
+    return _states(robots, actuation)
 
 
-def _seen(robots: Robots, actuation: np.ndarray) -> list[bytes]:
-    """Do the same from where the robots are."""
+def _states(robots: Robots, actuation: np.ndarray) -> list[bytes]:
+    """Apply actuation without a reset; return readings and masses of all steps of each robot."""
     seen: list[list[np.ndarray]] = [[] for _ in range(actuation.shape[2])]
     for values in actuation:
         readings = robots.step(values)
@@ -32,7 +32,7 @@ def _seen(robots: Robots, actuation: np.ndarray) -> list[bytes]:
 
 
 def _gaits(n_robots: int, n_voxels: int, n_steps: int) -> np.ndarray:
-    """Draw gaits that differ wildly: some robots jump, some rest, some walk back to the wall."""
+    """Return different gaits: some robots jump, some rest, some walk back to the wall."""
     rng = np.random.default_rng(5)
     frequency, phase = rng.uniform(0.0, 6.0, n_robots), rng.uniform(0.0, 7.0, (n_voxels, n_robots))
     size = np.linspace(0.0, 1.5, n_robots)  # beyond 1 it is clipped
@@ -43,7 +43,7 @@ def _gaits(n_robots: int, n_voxels: int, n_steps: int) -> np.ndarray:
 @pytest.mark.parametrize(
     ('shape', 'terrain'), [('biped', 'flat'), ('worm', 'uphill-30'), ('11', 'steppy-0.3-1-2')]
 )
-def test_neither_width_nor_place_nor_companions_matter(shape, terrain):
+def test_results_depend_neither_on_width_nor_on_lane_nor_on_other_robots(shape, terrain):
     gaits = _gaits(16, parse_morphology(shape).n_voxels, 300)
     together = _run(_robots(shape, terrain, 16), gaits)
     assert len(set(together)) == 16
@@ -55,9 +55,9 @@ def test_neither_width_nor_place_nor_companions_matter(shape, terrain):
         assert _run(alone, gaits[:, :, i : i + 1]) == [together[i]]
 
 
-def test_a_robot_that_diverges_harms_no_other():
+def test_a_robot_that_diverges_does_not_affect_the_others():
     gaits = _gaits(16, 2, 60)
-    calm = _run(_robots('11', 'flat', 16), gaits)
+    expected = _run(_robots('11', 'flat', 16), gaits)
     robots = _robots('11', 'flat', 16)
     seen, others = [], np.arange(16) != 2
     for k, values in enumerate(gaits):
@@ -69,10 +69,10 @@ def test_a_robot_that_diverges_harms_no_other():
         seen.append([readings, robots.group.mass_lanes.copy()])
     for lane in np.flatnonzero(others):
         own = b''.join(array[..., lane].tobytes() for step in seen for array in step)
-        assert own == calm[lane]
+        assert own == expected[lane]
 
 
-def test_one_lane_is_what_simulation_steps():
+def test_simulation_gives_the_results_of_a_lane():
     robots, simulation = _robots('biped', 'flat', 16), Simulation('biped', engine='batched')
     gaits = _gaits(16, 10, 60)
     robots.reset()
@@ -82,7 +82,7 @@ def test_one_lane_is_what_simulation_steps():
     np.testing.assert_array_equal(simulation.world.masses, robots.group.mass_lanes[:, :5, 9])
 
 
-def test_a_push_is_that_of_the_reset_or_of_the_robots():
+def test_a_push_is_given_to_the_reset_or_to_the_robots():
     gaits = _gaits(1, 2, 30)
     arguments = parse_morphology('11'), parse_terrain('flat'), Material(), Solver(), 1
     pushed, robots = Robots(*arguments, push=3), Robots(*arguments)
@@ -90,16 +90,16 @@ def test_a_push_is_that_of_the_reset_or_of_the_robots():
     exact = _run(robots, gaits)
     assert exact != expected
     robots.reset(3)
-    assert _seen(robots, gaits) == expected
+    assert _states(robots, gaits) == expected
     pushed.reset(0)
-    assert _seen(pushed, gaits) == exact == _run(robots, gaits)
+    assert _states(pushed, gaits) == exact == _run(robots, gaits)
     assert _run(pushed, gaits) == expected
     masses = Simulation('11', engine='batched', push=3).world.masses
     robots.reset(3)
     np.testing.assert_array_equal(robots.group.mass_lanes[:, :5, 0], masses)
 
 
-def test_what_simulation_shows_is_the_same_as_in_the_pymunk_engine():
+def test_arrays_of_simulation_agree_with_the_pymunk_engine():
     reference, batched = Simulation('11', engine='pymunk'), Simulation('11', engine='batched')
     for _ in range(30):
         reference.step(np.array([1.0, -0.5]))

@@ -41,11 +41,11 @@ def joints(body, kind):
 
 
 def ends(joint):
-    """Return both anchors in the world."""
+    """Return both anchors in world coordinates [m]."""
     return joint.a.local_to_world(joint.anchor_a), joint.b.local_to_world(joint.anchor_b)
 
 
-def test_masses_stand_in_the_corners():
+def test_masses_are_in_the_corners_of_a_voxel():
     body = build('1')
     assert [tuple(b.position) for b in body.masses] == [
         pytest.approx(p) for p in ((11.6, 8.4), (13.4, 8.4), (13.4, 6.6), (11.6, 6.6))
@@ -165,14 +165,14 @@ def test_number_of_welds(shape, n_shared_sides):
     assert len(joints(build(shape), pymunk.PivotJoint)) == 4 * n_shared_sides
 
 
-def test_constraints_enter_voxel_by_voxel():
+def test_constraints_are_in_the_order_of_the_voxels():
     kinds = [type(c).__name__ for c in build('11').space.constraints]
     voxel = ['SoftSpring'] * 18 + ['SlideJoint'] * 4
     assert kinds == voxel + voxel + ['PivotJoint'] * 4
 
 
 @pytest.mark.parametrize('shape', PLACED)
-def test_the_order_on_which_the_batched_engine_relies(shape):
+def test_the_order_that_the_batched_engine_assumes(shape):
     kinds, ends, anchors, *_ = build_body(
         parse_morphology(shape), parse_terrain('flat'), Material()
     ).constraints
@@ -197,7 +197,7 @@ def test_the_order_on_which_the_batched_engine_relies(shape):
 
 
 @pytest.mark.parametrize('shape', ['1', 'biped', 'comb', 't-5x3'])
-def test_the_space_holds_the_tables_exactly(shape):
+def test_the_space_has_the_numbers_of_the_tables(shape):
     body = build(shape, 'hilly-1-10-0', damping_ratio=0.2)
     terrain = parse_terrain('hilly-1-10-0')
     table = build_body(parse_morphology(shape), terrain, Material(damping_ratio=0.2))
@@ -228,13 +228,13 @@ def test_contact_coefficients_and_world():
 
 
 def collide(a, b):
-    """Apply Munk2D's rule for two filters."""
+    """Return whether shapes with these filters collide, by Munk2D's rule."""
     same_group = a.group != 0 and a.group == b.group
     return bool(not same_group and a.categories & b.mask and b.categories & a.mask)
 
 
 @pytest.mark.parametrize('self_collision', [False, True, 'reference'])
-def test_who_collides_with_whom(self_collision):
+def test_collision_filters(self_collision):
     body = build('11', self_collision=self_collision)
     filters = [shape.filter for mass in body.masses for shape in mass.shapes]
     for a, b in itertools.combinations(filters, 2):
@@ -256,19 +256,19 @@ def test_friction_and_restitution_of_pairs():
         assert (mass.friction**2, mass.elasticity**2) == pytest.approx(of_itself)
 
 
-def test_masses_of_a_robot_meet_as_in_the_reference():
-    """At rest only the masses at a corner that four voxels share touch: those across it."""
+def test_self_collision_of_the_reference():
+    """At rest the only contacts are between diagonal masses at a corner that four voxels share."""
     body = build('11-11', self_collision='reference', gravity=0.0)
     for mass in body.masses:
         mass.position += (50.0, 100.0)
     index = {mass: i for i, mass in enumerate(body.masses)}
     body.space.step(1e-6)
-    met = set()
+    touching = set()
     for mass in body.masses:
-        mass.each_arbiter(lambda arbiter: met.add(frozenset(index[b] for b in arbiter.bodies)))
+        mass.each_arbiter(lambda arbiter: touching.add(frozenset(index[b] for b in arbiter.bodies)))
     joined = {frozenset((index[c.a], index[c.b])) for c in body.space.constraints}
-    assert not met & joined
-    assert met == {frozenset((1, 15)), frozenset((4, 10))}
+    assert not touching & joined
+    assert touching == {frozenset((1, 15)), frozenset((4, 10))}
 
 
 @pytest.mark.parametrize('terrain', ['flat', 'hilly-1-10-0', 'steppy-0.5-10-3', 'uphill-20'])
@@ -295,7 +295,7 @@ def test_placement(shape, terrain):
     assert corners[:, 0].min() == pytest.approx(11.0)
     x0, y0 = placement(morphology, profile, Material())
     assert (x0, y0) == pytest.approx((11.0, corners[:, 1].min()))
-    # The clearance of every point of every voxel's lower edge, looked at closely.
+    # The clearance below the lower edge of every voxel, sampled every millimetre.
     gaps = [
         y0 + 3 * y - np.interp(np.linspace(11 + 3 * x, 14 + 3 * x, 3001), profile.x, profile.y)
         for x, y in morphology.cells

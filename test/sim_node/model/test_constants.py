@@ -1,4 +1,4 @@
-"""Declarations: what they check, how they are read from text, and what they say of themselves."""
+"""Declared options: their checks, reading from text, and descriptions."""
 
 from dataclasses import dataclass, fields
 
@@ -45,7 +45,7 @@ class Kitchen(Checked):
     trays: int = same_as(Oven, 'trays')
 
 
-def test_a_field_that_is_not_declared_is_nobodys_concern():
+def test_a_field_without_a_declaration_is_not_checked():
     assert [f.name for f in declared(Oven)] == [f.name for f in fields(Oven)][:-1]
     assert Oven(plain='x').plain == 'x'
 
@@ -57,10 +57,10 @@ def test_a_field_that_is_not_declared_is_nobodys_concern():
     ('mode', ['grill'], ['gril', '', 3, None], 'one of fan, grill'),
     ('door', [True, 'ajar'], ['open', 1, 0, None, 2.5], 'one of false, true, ajar'),
     ('light', [False, True], ['true', 1, 0], 'one of false, true'),
-    ('label', ['', 'x'], [None, 3, b''], 'a text'),
+    ('label', ['', 'x'], [None, 3, b''], 'a string'),
     ('pairs', ['', 'abcd'], ['a', None, 3], 'a text of even length'),
 ])
-def test_values_are_taken_or_refused_by_name(name, good, bad, expected):
+def test_valid_values_are_accepted_and_invalid_ones_rejected(name, good, bad, expected):
     for value in good:
         assert getattr(Oven(**{name: value}), name) == value
     for value in bad:
@@ -69,7 +69,7 @@ def test_values_are_taken_or_refused_by_name(name, good, bad, expected):
 
 
 @given(st.text() | st.integers().map(str) | st.floats().map(str))
-def test_any_text_is_read_or_refused_by_name(text):
+def test_any_text_is_read_or_rejected(text):
     for f in declared(Oven):
         try:
             value = value_of(f'--{f.name}', text, f)
@@ -84,12 +84,12 @@ def test_any_text_is_read_or_refused_by_name(text):
 @pytest.mark.parametrize(('name', 'text', 'value'), [
     ('heat', '20', 20.0), ('trays', '2', 2), ('mode', 'grill', 'grill'), ('pairs', '12', '12'),
 ])
-def test_a_text_becomes_what_its_field_declares(name, text, value):
+def test_text_is_converted_to_the_type_of_its_field(name, text, value):
     found = value_of(name, text, declaration(Oven, name))
     assert (found, type(found)) == (value, type(value))
 
 
-def test_the_same_declaration_checks_alike():
+def test_same_as_copies_the_declaration():
     assert declaration(Kitchen, 'trays').metadata == declaration(Oven, 'trays').metadata
     assert Kitchen().trays == Oven().trays
     with pytest.raises(InvalidInput, match='trays: got 5, expected an integer from 1 to 4'):
@@ -104,11 +104,11 @@ def test_the_same_declaration_checks_alike():
     ('light', 'lit', 'false, true', 'true'),
     ('pairs', 'letters: pairs of letters', 'pairs of letters', 'ab'),
 ])
-def test_a_declaration_describes_itself(name, description, values, default):
+def test_descriptions(name, description, values, default):
     f = declaration(Oven, name)
     assert (describe(f), values_of(f)) == (description, values)
     assert help_of(Oven, name) == f'{description} (default {default})'
 
 
-def test_help_names_no_empty_default():
+def test_help_omits_an_empty_default():
     assert help_of(Oven, 'label') == 'name: any text'

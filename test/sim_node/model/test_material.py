@@ -60,7 +60,7 @@ def test_range_is_inclusive_and_declared_with_the_constant(name):
             Material(**{name: value})
 
 
-def test_whole_numbers_are_numbers():
+def test_integers_are_valid_numbers():
     assert Material(side=3) == Material()
 
 
@@ -73,6 +73,6 @@ def test_from_dict():
         Material.from_dict({'gravity': -1})
 
 
-def test_material_cannot_be_changed():
+def test_material_is_immutable():
     with pytest.raises(dataclasses.FrozenInstanceError):
         Material().side = 2.0

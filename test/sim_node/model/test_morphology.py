@@ -21,7 +21,7 @@ def occupied(grid):
 
 
 def parsed(text):
-    """Return (morphology, None) or (None, complaint); any other exception goes through."""
+    """Return (morphology, None) or (None, InvalidInput); other exceptions propagate."""
     try:
         return parse_morphology(text), None
     except InvalidInput as error:
@@ -29,7 +29,7 @@ def parsed(text):
 
 
 def is_connected(cells):
-    """Give touching cells the smaller of their labels until nothing changes."""
+    """Return whether the cells are connected, by label propagation."""
     label = {cell: i for i, cell in enumerate(sorted(cells))}
     before = None
     while before != label:
@@ -110,7 +110,7 @@ def test_any_grid_is_parsed_exactly_when_it_is_connected(grid):
 
 @steady
 @given(grids)
-def test_neighbors_see_each_other(grid):
+def test_neighbors_are_mutual(grid):
     assume(is_connected(occupied(grid)))
     morphology = parse_morphology(grid)
     cells, table = morphology.cells, morphology.neighbors
@@ -125,7 +125,7 @@ def test_neighbors_see_each_other(grid):
 
 @steady
 @given(st.one_of(st.text(max_size=30), st.text('01-', max_size=30), nearly_names))
-def test_any_text_is_a_morphology_or_invalid_input(text):
+def test_any_string_is_a_morphology_or_invalid_input(text):
     morphology, error = parsed(text)
     if error:
         assert error.field == 'morphology'
@@ -143,7 +143,7 @@ def test_generators_of_any_size_give_one_connected_piece_or_invalid_input(shape,
     assert is_connected(set(parse_morphology(text).cells))
 
 
-def test_empty_border_of_a_grid_does_not_count():
+def test_empty_border_of_a_grid_is_ignored():
     assert parse_morphology('0000-0110-0010-0000').grid_string == '11-01'
 
 
@@ -155,12 +155,12 @@ def test_empty_border_of_a_grid_does_not_count():
         'ball-65', 'ball-3x3', 'wurm', 'Biped', ' biped', '1\n', '١', 'comb-٧x2', None, 5, b'biped',
     ],
 )
-def test_rejected(text):
+def test_invalid_morphologies_are_rejected(text):
     with pytest.raises(InvalidInput):
         parse_morphology(text)
 
 
-def test_complaint_names_value_and_near_miss():
+def test_the_error_names_the_value_and_the_closest_name():
     with pytest.raises(InvalidInput, match=r"morphology: got 'bipet', expected .*'biped'"):
         parse_morphology('bipet')
 
@@ -185,7 +185,7 @@ def test_same_shape_ignores_the_name():
     ('11-10', "Morphology('11-10', 3 voxels, '11-10')"),
     ('1', "Morphology('1', 1 voxel, '1')"),
 ])
-def test_repr_is_short_and_equality_goes_by_name_and_cells(name, expected):
+def test_repr_is_short_and_equality_compares_name_and_cells(name, expected):
     morphology = parse_morphology(name)
     assert repr(morphology) == str(morphology) == expected
     assert morphology == parse_morphology(name)

@@ -1,4 +1,4 @@
-"""The two physics by name, and when the reference's reads its sensors."""
+"""The two physics by name, and the poses at which the reference physics reads sensors."""
 
 import numpy as np
 import pytest
@@ -21,8 +21,8 @@ def test_names():
 
 
 @pytest.mark.parametrize('engine', ENGINES)
-def test_poses_are_those_to_which_the_velocities_of_the_step_have_led(engine):
-    """In free fall, at rest within, both physics differ in when a step ends and in nothing else."""
+def test_the_reference_physics_reads_poses_at_the_end_of_the_step(engine):
+    """In free fall without internal motion the two physics differ only in the end of a step."""
     now, late = (
         Simulation('1', solver=Solver(physics=physics), engine=engine)
         for physics in ('reference', 'first')
@@ -39,7 +39,7 @@ def test_poses_are_those_to_which_the_velocities_of_the_step_have_led(engine):
 
 @pytest.mark.parametrize('engine', ENGINES)
 @pytest.mark.parametrize('terrain', ['flat', 'uphill-20', 'steppy-0.5-10-0'])
-def test_touch_is_seen_in_the_step_in_which_the_mass_arrives(engine, terrain):
+def test_touch_is_read_in_the_step_in_which_the_mass_arrives(engine, terrain):
     sim = Simulation('11', terrain, engine=engine)
     for _ in range(120):
         sim.step([0.0, 0.0])
@@ -52,11 +52,11 @@ def test_touch_is_seen_in_the_step_in_which_the_mass_arrives(engine, terrain):
         if touching.any():
             break
     assert touching.any()
-    assert sim.velocity[1] < -3.0  # it has arrived but not yet been stopped
+    assert sim.velocity[1] < -3.0  # the contact has not yet stopped it
 
 
-def test_the_first_touch_of_a_mass_is_that_of_munk2d():
-    """A step of Munk2D's own begins with the contacts at the poses that were read before it."""
+def test_touch_agrees_with_the_contacts_of_munk2d():
+    """A step of Munk2D begins with the contacts at the poses that sensors read before it."""
     sim = Simulation('biped', 'hilly-1-10-1')
     rng = np.random.default_rng(0)
     view = pymunk_view(sim.backend.space)

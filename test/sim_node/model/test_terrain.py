@@ -24,7 +24,7 @@ nearly_names = st.from_regex(
 
 
 def parsed(text):
-    """Return (terrain, None) or (None, complaint); any other exception goes through."""
+    """Return (terrain, None) or (None, InvalidInput); other exceptions propagate."""
     try:
         return parse_terrain(text), None
     except InvalidInput as error:
@@ -32,7 +32,7 @@ def parsed(text):
 
 
 def check_profile(terrain):
-    """Check what holds for every terrain: walls at both ends, x growing, numbers finite."""
+    """Assert what holds for every terrain: walls at both ends, increasing x, finite numbers."""
     x, y = terrain.x, terrain.y
     assert x.shape == y.shape
     assert np.isfinite(x).all()
@@ -108,7 +108,7 @@ def test_runs_are_never_shorter_than_one_metre():
     assert np.median(runs) < 1.2
 
 
-def test_seed_decides():
+def test_the_seed_determines_the_terrain():
     a, b, c = (parse_terrain(f'hilly-1-10-{seed}') for seed in (0, 0, 1))
     assert a.x.tobytes() == b.x.tobytes()
     assert a.y.tobytes() == b.y.tobytes()
@@ -129,7 +129,7 @@ def test_published_terrains_never_change():
     assert steppy.y[3] == pytest.approx(5.0 + 0.5 * rise_0, rel=1e-14)
 
 
-def test_unseen_terrains_are_those_of_the_design():
+def test_names_of_the_unseen_terrains():
     assert UNSEEN_TERRAINS == (
         'hilly-0.5-10-1', 'hilly-0.5-20-2', 'hilly-1-10-3', 'hilly-1-20-4', 'hilly-2-20-5',
         'hilly-2-30-6', 'steppy-0.25-10-7', 'steppy-0.25-20-8', 'steppy-0.5-10-9',
@@ -148,7 +148,7 @@ def test_unseen_terrains_are_those_of_the_design():
 
 
 @pytest.mark.parametrize('n', [1, 2, 10])
-def test_no_two_unseen_terrains_share_a_seed_and_more_seeds_only_add(n):
+def test_unseen_terrains_have_different_seeds_and_more_seeds_only_add_terrains(n):
     found = unseen_terrains(n)
     assert tuple(found) == UNSEEN_KINDS
     names = [name for of_kind in found.values() for name in of_kind]
@@ -171,7 +171,7 @@ def test_number_of_terrain_seeds_out_of_range(n):
 
 
 @given(st.one_of(st.text(max_size=70), nearly_names))
-def test_any_text_is_a_terrain_or_invalid_input(text):
+def test_any_string_is_a_terrain_or_invalid_input(text):
     terrain, error = parsed(text)
     if error:
         assert error.field == 'terrain'
@@ -197,7 +197,7 @@ def test_any_numbers_in_range_are_accepted(kind, spread, run, seed):
         'uphill-61', 'uphill--5', 'downhill-90', 'hilly-١-10-0', 'hilly-1-10-' + '0' * 60, None, 3,
     ],
 )
-def test_rejected(name):
+def test_invalid_names_are_rejected(name):
     with pytest.raises(InvalidInput):
         parse_terrain(name)
 

@@ -1,4 +1,4 @@
-"""Springs of the reference's physics against closed forms and an integrator of their own."""
+"""Springs of the reference physics, compared with closed forms and an independent integrator."""
 
 import math
 
@@ -23,7 +23,7 @@ FLAT = parse_terrain('flat')
 
 
 def row_of_masses(stiffness, damping, extensions, iterations):
-    """Return masses in a row, springs of length 3 between neighbours, and a function that steps."""
+    """Return masses joined in a row by springs of length 3, and a function that makes a step."""
     n = len(extensions)
     x = 100.0 + np.concatenate([[0.0], np.cumsum(3.0 + np.array(extensions))])
     table = Constraints(
@@ -81,7 +81,7 @@ def test_two_springs_on_one_mass_follow_implicit_euler(h, frequency, ratio):
 
 
 def voxel_response(actuation, n_steps, h):
-    """Return the area ratios of one voxel afloat, by dense algebra over all 18 springs at once."""
+    """Return the area ratios of a voxel without gravity, all 18 springs in one linear system."""
     morphology = parse_morphology('1')
     body = build_body(morphology, FLAT, STILL)
     table = body.constraints
@@ -157,7 +157,7 @@ def test_ten_iterations_are_near_convergence():
     assert np.abs(np.subtract(*response)).max() < 0.02
 
 
-def test_the_view_shows_and_sets_soft_springs():
+def test_the_view_reads_and_writes_soft_springs():
     body = build_body(parse_morphology('11'), FLAT, Material())
     view = pymunk_view(Space(body, FLAT.polygons, Material(), Solver()))
     springs = [c for c in view.constraints if isinstance(c, pymunk.DampedSpring)]
@@ -175,7 +175,7 @@ def test_the_view_shows_and_sets_soft_springs():
 
 
 @pytest.mark.parametrize('engine', ['pymunk', 'batched'])
-def test_stiff_springs_under_violent_actuation_stay_near_their_range(engine):
+def test_stiff_springs_stay_near_their_range_under_random_full_actuation(engine):
     material = Material(frequency=30.0, damping_ratio=2.0)
     sim = Simulation('biped', material=material, engine=engine)
     rng, largest = np.random.default_rng(0), 0.0
@@ -185,7 +185,7 @@ def test_stiff_springs_under_violent_actuation_stay_near_their_range(engine):
     assert largest < 1.5
 
 
-def test_a_munk2d_of_another_layout_is_refused(monkeypatch):
+def test_another_layout_of_structs_is_rejected(monkeypatch):
     fields = [(name, *SPRING_STRUCT.fields[name]) for name in SPRING_STRUCT.names]
     for swapped in (('rest', 'stiffness'), ('arm_a', 'arm_b'), ('target', 'share')):
         names = [dict(zip(swapped, swapped[::-1], strict=True)).get(f[0], f[0]) for f in fields]

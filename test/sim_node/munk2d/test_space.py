@@ -22,8 +22,8 @@ ODD = Material(
 )
 
 
-def made_of_objects(body, terrain, material, solver):
-    """Return the same space made by pymunk, object by object."""
+def pymunk_space(body, terrain, material, solver):
+    """Return the space of the same robot, built from pymunk objects."""
     space = pymunk.Space()
     space.iterations = solver.iterations
     space.gravity = (0.0, -material.gravity)
@@ -60,20 +60,20 @@ def made_of_objects(body, terrain, material, solver):
 
 
 def two_spaces(shape, terrain, options):
-    """Return a view of a `Space` and the same space made of objects."""
+    """Return a view of a `Space`, and the same space built from pymunk objects."""
     terrain, (material, solver) = parse_terrain(terrain), options
     body = build_body(parse_morphology(shape), terrain, material)
     view = pymunk_view(Space(body, terrain.polygons, material, solver))
-    return view, made_of_objects(body, terrain, material, solver)
+    return view, pymunk_space(body, terrain, material, solver)
 
 
-FIRST = Solver(physics='first')  # Munk2D as it is
+FIRST = Solver(physics='first')  # Munk2D without changes
 
 OPTIONS = [(Material(), FIRST), (ODD, Solver(1, 7, True, 'first'))]
 
 
 @pytest.mark.parametrize('options', OPTIONS)
-def test_shapes_are_those_of_the_space_made_of_objects(options):
+def test_shapes_equal_those_of_pymunk_objects(options):
     shapes = [
         [(s.get_vertices(), s.radius, s.friction, s.elasticity, s.filter) for s in space.shapes]
         for space in two_spaces('biped', 'hilly-1-10-0', options)
@@ -84,7 +84,7 @@ def test_shapes_are_those_of_the_space_made_of_objects(options):
 @pytest.mark.parametrize('shape', ['1', 'biped', 'comb', '11-11'])
 @pytest.mark.parametrize('terrain', ['flat', 'hilly-2-20-0', 'steppy-0.5-10-3', 'downhill-20'])
 @pytest.mark.parametrize('options', OPTIONS)
-def test_moves_as_the_space_made_of_objects_bit_for_bit(shape, terrain, options):
+def test_motion_equals_that_of_pymunk_objects_bit_for_bit(shape, terrain, options):
     view, expected = two_spaces(shape, terrain, options)
     rng, touched = np.random.default_rng(0), []
     for k in range(180):
@@ -103,7 +103,7 @@ def test_moves_as_the_space_made_of_objects_bit_for_bit(shape, terrain, options)
     assert touched
 
 
-def test_handles_follow_the_tables():
+def test_handles_are_in_the_order_of_the_tables():
     terrain = parse_terrain('flat')
     body = build_body(parse_morphology('biped'), terrain, Material())
     space = Space(body, terrain.polygons, Material(), Solver())
@@ -115,7 +115,7 @@ def test_handles_follow_the_tables():
     assert {handle(s.body._body) for s in view.static_body.shapes} == {space.ground}
 
 
-def test_what_is_pushed_moves_the_simulated_robot():
+def test_changes_to_the_view_move_the_simulated_robot():
     sim = Simulation('1')
     for mass in pymunk_view(sim.backend.space).bodies:
         mass.position += (50.0, 100.0)
@@ -142,14 +142,14 @@ def test_a_space_is_freed_once(monkeypatch):
     spaces.append(sim.backend.space.handle)
     del sim, view
     gc.collect()
-    assert freed == spaces[:1]  # the mass holds on to its space
+    assert freed == spaces[:1]  # the mass keeps a reference to its space
     assert mass.mass == pytest.approx(0.36)
     del mass
     gc.collect()
     assert freed == spaces
 
 
-def test_resets_leave_memory_flat():
+def test_resets_do_not_leak_memory():
     def resident():
         with open('/proc/self/statm') as statm:
             return int(statm.read().split()[1])

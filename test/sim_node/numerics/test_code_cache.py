@@ -1,4 +1,4 @@
-"""Compiled code that is kept: by which sources it is named, and what happens if it is damaged."""
+"""The cache of compiled code: its dependence on sources, and damaged or missing files."""
 
 import os
 import shutil
@@ -14,7 +14,7 @@ from sim_node.numerics.code_cache import _unused, sources
 
 
 @pytest.fixture
-def house(tmp_path: Path) -> Path:
+def root(tmp_path: Path) -> Path:
     files = {
         'sim_node/kernel.py': 'from sim_node.numerics.jit import (\n    compiled,\n)\n'
         'from sim_node.table import SIZE\n',
@@ -33,22 +33,22 @@ def house(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize('name', ['kernel', 'table', 'digits'])
-def test_what_compiled_code_imports_counts(house: Path, name: str) -> None:
-    before = sources(house)
-    path = house / 'sim_node' / f'{name}.py'
+def test_imports_of_compiled_code_change_the_digest(root: Path, name: str) -> None:
+    before = sources(root)
+    path = root / 'sim_node' / f'{name}.py'
     path.write_text(path.read_text() + '# changed\n')
-    assert sources(house) != before
+    assert sources(root) != before
 
 
 @pytest.mark.parametrize('name', ['node', 'text'])
-def test_what_only_calls_compiled_code_does_not(house: Path, name: str) -> None:
-    before = sources(house)
-    path = house / 'snca_ros' / f'{name}.py'
+def test_callers_of_compiled_code_do_not_change_the_digest(root: Path, name: str) -> None:
+    before = sources(root)
+    path = root / 'snca_ros' / f'{name}.py'
     path.write_text(path.read_text() + '# changed\n')
-    assert sources(house) == before
+    assert sources(root) == before
 
 
-def test_the_real_sources_hold_kernels_and_their_constants() -> None:
+def test_the_real_sources_include_kernels_and_their_constants() -> None:
     text = b'\n'.join(sources(Path(__file__).parents[3]))
     assert b'def advance_group' in text
     assert b'CONTROL_RATE = ' in text
@@ -72,7 +72,7 @@ print(repr(float(twice_tanh(0.5))), code_cache.folder(), dict(twice_tanh.stats.c
 
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
-    """Return a folder with the package `sim_node`, the program and an environment of its own."""
+    """Return a folder with a copy of the package `sim_node`, the program and a home folder."""
     shutil.copytree(Path(sim_node.__file__).parent, tmp_path / 'sim_node')
     (tmp_path / 'snca_ros').mkdir()
     (tmp_path / 'program.py').write_text(PROGRAM)
@@ -81,7 +81,7 @@ def copy(tmp_path: Path) -> Path:
 
 
 def run(copy: Path, **environment: str) -> tuple[float, str, bool, str]:
-    """Return what the program prints: the number, its cache folder, whether it was used; errors."""
+    """Return the program's result, its cache folder, whether the cache had the code, and stderr."""
     kept = {k: v for k, v in os.environ.items() if k not in VARIABLES}
     program = subprocess.run(
         [sys.executable, 'program.py'], cwd=copy, text=True, capture_output=True, check=True,
@@ -94,7 +94,7 @@ def run(copy: Path, **environment: str) -> tuple[float, str, bool, str]:
 VARIABLES = ('HOME', 'XDG_CACHE_HOME', 'NUMBA_CACHE_DIR')
 
 
-def test_code_is_kept_and_a_change_of_what_it_calls_never_meets_it(copy: Path) -> None:
+def test_cached_code_is_reused_until_a_function_that_it_calls_changes(copy: Path) -> None:
     first, folder, hit, errors = run(copy)
     assert (hit, errors) == (False, '')
     assert Path(folder).parent == copy / 'home' / '.cache' / 'snca_ros'
@@ -121,22 +121,22 @@ def test_damaged_code_is_compiled_again(copy: Path) -> None:
 
 
 @pytest.mark.skipif(os.getuid() == 0, reason='root may write everywhere')
-def test_where_nothing_can_be_kept_code_is_compiled_with_a_line_that_says_so(copy: Path) -> None:
+def test_without_a_writable_folder_code_is_compiled_and_a_message_reports_it(copy: Path) -> None:
     (copy / 'home').chmod(0o500)
     _, folder, hit, errors = run(copy)
     assert (folder, hit) == ('None', False)
     assert 'compiled code cannot be kept' in errors
 
 
-def test_a_file_in_the_way_of_the_folder_is_no_end(copy: Path) -> None:
+def test_a_file_in_place_of_the_folder_is_no_error(copy: Path) -> None:
     (copy / 'home' / '.cache').write_text('')
     _, folder, hit, errors = run(copy)
     assert (folder, hit) == ('None', False)
     assert errors.count('compiled code cannot be kept') == 1
 
 
-def test_folders_that_nobody_used_for_a_month_are_removed(tmp_path: Path) -> None:
-    old, used, other = (tmp_path / name for name in ('0' * 16, '1' * 16, 'somebody else'))
+def test_folders_unused_for_a_month_are_removed(tmp_path: Path) -> None:
+    old, used, other = (tmp_path / name for name in ('0' * 16, '1' * 16, 'another folder'))
     long_ago = time.time() - 31 * 86_400.0
     for path in (old, used, other):
         path.mkdir()

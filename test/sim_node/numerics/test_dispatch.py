@@ -1,4 +1,4 @@
-"""Compiled functions that act by the class of a named tuple."""
+"""Compiled functions that are selected by the class of a named tuple."""
 
 import os
 import subprocess
@@ -101,7 +101,7 @@ def run(folder: Path) -> list[str]:
     return result.stdout.split()
 
 
-def test_code_is_kept_until_the_module_of_the_class_changes(tmp_path):
+def test_cached_code_is_reused_until_the_module_of_the_class_changes(tmp_path):
     for name, text in (('program', PROGRAM), ('curves', CURVES), ('kernels', KERNELS)):
         (tmp_path / f'{name}.py').write_text(text)
     assert run(tmp_path) == ['27.0', '0']
@@ -110,7 +110,7 @@ def test_code_is_kept_until_the_module_of_the_class_changes(tmp_path):
     assert run(tmp_path) == ['-27.0', '0']
 
 
-def test_code_for_one_class_is_found_without_the_module_of_another(tmp_path):
+def test_cached_code_for_one_class_does_not_need_the_module_of_another(tmp_path):
     own = PROGRAM.replace('from curves import Cube', 'from lines import Cube')
     for name, text in (('curves', CURVES), ('lines', CURVES), ('kernels', KERNELS)):
         (tmp_path / f'{name}.py').write_text(text)
@@ -131,7 +131,7 @@ def test_a_function_without_a_source_file_is_compiled(tmp_path, monkeypatch):
     assert out['lane'][0, 0, 0] == 27.0
 
 
-def test_code_for_a_class_of_the_main_program_is_not_kept(tmp_path):
+def test_code_for_a_class_of_the_main_program_is_not_cached(tmp_path):
     text = PROGRAM.replace('from curves import Cube', CURVES)
     for name, source in (('program', text), ('kernels', KERNELS)):
         (tmp_path / f'{name}.py').write_text(source)

@@ -16,7 +16,7 @@ def tanh_of_all(x, y):
 
 
 def units_off(value, exact):
-    """Return the error in units in the last place; `exact` in extended precision."""
+    """Return the error in units in the last place of `exact`, given in extended precision."""
     return np.abs((value - exact) / np.spacing(np.abs(exact.astype(float))))
 
 
@@ -47,7 +47,7 @@ def test_sine_and_cosine_are_accurate(scale):
         assert sine_cosine(x) == pytest.approx((math.sin(x), math.cos(x)), rel=0, abs=2.3e-16)
 
 
-def test_sine_and_cosine_of_whole_quarters():
+def test_sine_and_cosine_of_multiples_of_a_quarter_turn():
     for k in range(-9, 10):
         exact = math.sin(k * math.pi / 2), math.cos(k * math.pi / 2)
         assert sine_cosine(k * math.pi / 2) == pytest.approx(exact, rel=0, abs=2.3e-16)
@@ -60,7 +60,7 @@ def test_tanh_at_the_limits():
 
 
 @pytest.mark.parametrize('n', [1, 3, 8, 17, 40])
-def test_many_are_computed_as_one_is(n):
+def test_arrays_give_the_bits_of_single_numbers(n):
     x = np.random.default_rng(n).normal(size=n)
     y = np.empty(n)
     tanh_of_all(x, y)
@@ -68,7 +68,7 @@ def test_many_are_computed_as_one_is(n):
 
 
 def test_bits_are_the_same_everywhere():
-    """The very bits, seen once on x86-64 with 512-bit vectors."""
+    """The expected bits were computed on x86-64 with 512-bit vectors."""
     assert [tanh(x).hex() for x in (0.1, 0.5, 1.0, 2.5)] == BITS
 
 

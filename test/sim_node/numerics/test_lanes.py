@@ -1,4 +1,4 @@
-"""The vector type and the elementary functions on it, against numpy in extended precision."""
+"""Arithmetic and functions of lanes, compared with numpy in extended precision."""
 
 import math
 import subprocess
@@ -100,7 +100,7 @@ def _of_numbers(xs, results):
         results[i] = tanh(xs[i]), floor(xs[i]), s, c, expm1(xs[i])
 
 
-def test_a_function_of_lanes_is_that_of_numbers():
+def test_functions_of_lanes_equal_those_of_numbers():
     array = zeros((500, 6), 8)
     floats = array['lane']
     floats[:, 0] = np.random.default_rng(4).normal(0.0, 10.0, (500, 8))
@@ -113,7 +113,7 @@ def test_a_function_of_lanes_is_that_of_numbers():
     np.testing.assert_array_equal(floats[:, 2], np.floor(floats[:, 0]))
 
 
-def test_what_is_taken_out_of_an_array_is_plain_and_no_other_part_has_a_type():
+def test_items_of_a_lane_array_are_plain_and_its_transpose_has_no_type():
     array = zeros((3, 2), 4)
     array['lane'] = 1.0
     assert type(array['lane']) is type(array[1:]) is np.ndarray
@@ -122,7 +122,7 @@ def test_what_is_taken_out_of_an_array_is_plain_and_no_other_part_has_a_type():
         typeof(array.T)
 
 
-def test_the_cache_tells_widths_apart():
+def test_cached_functions_of_different_widths_have_different_names():
     name = (
         'from numba import typeof; from numba.core.itanium_mangler import mangle_type;'
         'from sim_node.numerics.lane_array import zeros;'

@@ -1,4 +1,4 @@
-"""Accounts of links and answers of voxels, checked against what was sent."""
+"""Delivery statistics of links, and which actuation of the voxels is applied."""
 
 import numpy as np
 from hypothesis import given
@@ -12,21 +12,21 @@ VOXELS = ('voxel_0_0', 'voxel_1_0')
 
 @given(st.lists(st.tuples(st.booleans(), st.integers(-1, 40)), max_size=40))
 def test_every_message_is_on_time_late_or_lost(steps):
-    """Each step says whether its message is there, and which older one comes then."""
-    link, in_time, came_late = Link(), set(), set()
-    for step, (came, old) in enumerate(steps):
-        link.close_step(step, came)
-        in_time |= {step} if came else set()
+    """Each item is a step: whether its message is on time, and which older message arrives then."""
+    link, in_time, late = Link(), set(), set()
+    for step, (on_time, old) in enumerate(steps):
+        link.close_step(step, on_time)
+        in_time |= {step} if on_time else set()
         link.note_late(old)
         if 0 <= old <= step and old not in in_time:
-            came_late.add(old)
+            late.add(old)
     assert link.on_time == len(in_time)
-    assert link.late == len(came_late)
+    assert link.late == len(late)
     assert link.on_time + link.late + link.lost == len(steps)
     assert link.newest == max(in_time, default=-1)
 
 
-def test_messages_that_are_skipped_are_lost():
+def test_skipped_messages_are_lost():
     link = Link()
     for step in (7, 8, 11):
         link.arrive(step)
@@ -34,7 +34,7 @@ def test_messages_that_are_skipped_are_lost():
     assert link.counts() == {'on time': 3, 'late': 1, 'lost': 1}
 
 
-def test_nothing_of_another_episode_comes_late():
+def test_messages_of_an_earlier_episode_do_not_count_as_late():
     link = Link()
     link.close_step(0, False)
     link.restart()
@@ -42,7 +42,7 @@ def test_nothing_of_another_episode_comes_late():
     assert link_figures({'a': link}) == {'a on time': 0, 'a late': 0, 'a lost': 1}
 
 
-def test_a_held_actuation_acts_until_its_voxel_is_silent():
+def test_actuation_is_held_until_the_voxel_counts_as_silent():
     answers = Answers(VOXELS, hold=True)
     answers.open_step()
     assert answers.take(0, 0, 0.5, step=0, now=0.0)
@@ -54,14 +54,14 @@ def test_a_held_actuation_acts_until_its_voxel_is_silent():
     assert answers.missing == ['voxel_1_0']
     np.testing.assert_array_equal(answers.close_step(1), [0.25, -1.0])
     answers.open_step()
-    assert not answers.take(1, 1, 0.75, step=2, now=0.25)  # late, and still the newest
+    assert not answers.take(1, 1, 0.75, step=2, now=0.25)  # late, but the newest
     np.testing.assert_array_equal(answers.close_step(2), [0.25, 0.75])
-    assert answers.let_go(0.5, 0.25) == ['voxel_0_0']
-    assert answers.let_go(0.5, 0.25) == []
+    assert answers.mark_silent(0.5, 0.25) == ['voxel_0_0']
+    assert answers.mark_silent(0.5, 0.25) == []
     answers.open_step()
     np.testing.assert_array_equal(answers.close_step(3), [0.0, 0.75])
     assert answers.silent == {'voxel_0_0'}
-    assert not answers.take(0, 1, 0.25, step=4, now=0.6)  # once more: no sign of life
+    assert not answers.take(0, 1, 0.25, step=4, now=0.6)  # repeated: it stays silent
     assert answers.silent == {'voxel_0_0'}
     answers.open_step()
     assert answers.take(0, 4, 1.0, step=4, now=0.6)
@@ -69,7 +69,7 @@ def test_a_held_actuation_acts_until_its_voxel_is_silent():
     assert [link.late for link in answers.links] == [0, 1]
 
 
-def test_in_lock_step_nothing_late_acts():
+def test_late_actuation_is_not_applied_in_lock_step():
     answers = Answers(VOXELS, hold=False)
     answers.open_step()
     assert not answers.take(0, 0, 0.5, step=1, now=0.0)

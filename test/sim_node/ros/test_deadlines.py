@@ -1,4 +1,4 @@
-"""Deadlines are absolute, and what is missed is counted."""
+"""Deadlines of steps in real time, missed deadlines, and statistics of step times."""
 
 import pytest
 from hypothesis import given
@@ -8,7 +8,7 @@ from sim_node.ros.deadlines import Pace, StepTimes
 
 
 @given(st.floats(0.0, 0.9), st.integers(1, 10**7))
-def test_lateness_does_not_add_up(lateness, n):
+def test_delays_do_not_accumulate(lateness, n):
     pace = Pace(60.0)
     pace.start(2, 100.0)
     for step in (3, 4, 5):
@@ -17,7 +17,7 @@ def test_lateness_does_not_add_up(lateness, n):
     assert pace.due(2 + 60 * n) == pytest.approx(100.0 + n, abs=1e-6)
 
 
-def test_a_step_behind_the_next_deadline_is_missed():
+def test_a_step_later_than_the_next_deadline_is_missed():
     pace = Pace(100.0)
     pace.start(0, 0.0)
     for step, now in ((1, 0.010), (2, 0.0315), (3, 0.0405), (4, 0.0410), (5, 0.0510)):
@@ -26,7 +26,7 @@ def test_a_step_behind_the_next_deadline_is_missed():
     assert pace.due(6) == pytest.approx(0.06)
 
 
-def test_who_is_a_second_behind_gives_it_up():
+def test_a_delay_of_more_than_a_second_skips_deadlines():
     pace = Pace(100.0)
     pace.start(0, 0.0)
     pace.note(1, 2.015)
