@@ -28,6 +28,7 @@ _DEPENDENCIES = 'numba', 'llvmlite', 'numpy', 'pymunk'
 _NAME = re.compile(r'[0-9a-f]{16}')
 _USED, _DAY, _KEPT = 'used', 86_400.0, 30 * 86_400.0  # stamp of a folder; seconds
 _ROOT = Path(__file__).resolve().parents[2]  # of the two packages
+_PACKAGES = 'sim_node', 'snca_ros'
 _SUM = hashlib.sha256().digest_size
 
 
@@ -120,11 +121,10 @@ def _unused(parent: Path) -> Iterator[Path]:
 
 def sources(root: Path) -> list[bytes]:
     """Return the modules below `root` that compile something, and all that they import."""
-    packages = root / 'sim_node', root / 'snca_ros'
     texts = {
         '.'.join(path.relative_to(root).with_suffix('').parts): path.read_bytes()
-        for package in packages
-        for path in package.rglob('*.py')
+        for package in _PACKAGES
+        for path in (root / package).rglob('*.py')
     }
     imports = {name: _imports(text) for name, text in texts.items()}
     needed, waiting = set[str](), [name for name in texts if _compiles(imports[name])]
@@ -156,6 +156,11 @@ def _imports(source: bytes) -> set[str]:
     return found
 
 
+def _outside(source: Path) -> bool:
+    """Tell whether a file lies outside the packages, so that its text is no part of the digest."""
+    return not any(source.is_relative_to(_ROOT / package) for package in _PACKAGES)
+
+
 class _Place:
     """Where the code of one function lies, and what it must not be older than (numba's locator)."""
 
@@ -163,7 +168,7 @@ class _Place:
         source, module = Path(inspect.getfile(function)).resolve(), function.__module__
         self._line = function.__code__.co_firstlineno
         self._stamp = ''
-        if not source.is_relative_to(_ROOT):  # its text is no part of the digest
+        if _outside(source):
             self._stamp = hashlib.sha256(source.read_bytes()).hexdigest()
             module += '-' + hashlib.sha256(str(source).encode()).hexdigest()[:16]
         self._path = os.path.join(str(folder()), module)
@@ -215,7 +220,7 @@ def _classes(kinds: Iterable[Any]) -> Iterator[type]:
 
 
 def _stamps(signature: Any) -> tuple[str, ...] | None:
-    """Return digests of the modules outside the packages whose classes are in a signature.
+    """Return names, and digests of the modules, of classes outside the packages in a signature.
 
     Compiled code calls methods of such a class (`dispatch`), so it depends on its module. None if
     a class is of the main program or of no file: it is another class in each process.
@@ -231,30 +236,41 @@ def _stamps(signature: Any) -> tuple[str, ...] | None:
             return None
         if kind.__module__ == '__main__':
             return None
-        if not source.is_relative_to(_ROOT):
-            found.append(hashlib.sha256(source.read_bytes()).hexdigest())
+        if _outside(source):
+            digest = hashlib.sha256(source.read_bytes()).hexdigest()
+            found.append(f'{kind.__module__}.{kind.__qualname__} {digest}')
     return tuple(found)
 
 
 class CodeCache(FunctionCache):
-    """The compiled versions of one function. What cannot be loaded is forgotten, not an error."""
+    """The compiled versions of one function. What cannot be loaded is forgotten, not an error.
+
+    Versions for classes outside the packages are in files of their own: a process that cannot
+    import such a class could not read an index that names it.
+    """
 
     _impl_class = _Results
 
     def __init__(self, function: Any) -> None:
         super().__init__(function)
+        self._choose_file(())
+
+    def _choose_file(self, signature: Any) -> bool:
+        """Take the files for versions of such a signature; False if they are not to be kept."""
+        stamps = _stamps(signature)
+        if stamps is None:
+            return False
+        digest = hashlib.sha256('\n'.join(stamps).encode()).hexdigest()[:16]
         self._cache_file = _CheckedFiles(
             cache_path=self._cache_path,
-            filename_base=self._impl.filename_base,
+            filename_base=self._impl.filename_base + (f'.{digest}' if stamps else ''),
             source_stamp=self._impl.locator.get_source_stamp(),
         )
-
-    def _index_key(self, sig: Any, codegen: Any) -> tuple:
-        return *super()._index_key(sig, codegen), _stamps(sig)
+        return True
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the compiled version for a signature; None if there is none, or a damaged one."""
-        if _stamps(sig) is None:
+        if not self._choose_file(sig):
             return None
         try:
             return super().load_overload(sig, target_context)
@@ -264,7 +280,7 @@ class CodeCache(FunctionCache):
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep a compiled version, if the disk lets us."""
-        if _stamps(sig) is None:
+        if not self._choose_file(sig):
             return
         try:
             super().save_overload(sig, data)

@@ -9,7 +9,8 @@ from typing import Any
 
 from numba.extending import overload
 
-_OPTIONS = {'forceinline': True, 'error_model': 'numpy'}
+INLINED = {'forceinline': True, 'error_model': 'numpy'}
+"""Options of an overload that goes into each of its callers, as `jit.compiled_inline` does."""
 
 
 def method(name: str, doc: str) -> Callable:
@@ -24,7 +25,7 @@ def method(name: str, doc: str) -> Callable:
 
     call.__doc__ = doc
 
-    @overload(call, jit_options=_OPTIONS)
+    @overload(call, jit_options=INLINED)
     def compiled_call(constants, *arguments):
         function = getattr(constants.instance_class, name)
         return lambda constants, *arguments: function(constants, *arguments)  # noqa: PLW0108

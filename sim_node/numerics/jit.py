@@ -1,6 +1,8 @@
 """Compiled functions: numba's, with a cache that lasts (`code_cache`)."""
 
 import fcntl
+import inspect
+import os
 from collections.abc import Callable
 from typing import Any
 
@@ -13,8 +15,11 @@ from sim_node.numerics.code_cache import CodeCache, folder
 
 
 def _kept(compiled: Any, function: Callable) -> Any:
-    """Let a compiled function keep its code between processes, where there is a place for it."""
-    if folder() is not None:
+    """Let a compiled function keep its code between processes, where there is a place for it.
+
+    One of a notebook is in no file, and its code is not kept.
+    """
+    if folder() is not None and os.path.isfile(inspect.getfile(function)):
         compiled._cache = CodeCache(function)
     return compiled
 

@@ -11,6 +11,7 @@ from sim_node.model.body_file import BodyPart, load_body
 from sim_node.model.constants import declared
 from sim_node.model.material import Material
 from sim_node.model.morphology import parse_morphology
+from sim_node.model.sensors import DEFAULT_SENSORS
 from sim_node.model.solver import Solver
 from sim_node.ros.node_base import RosNode
 from sim_node.simulation import Simulation
@@ -63,12 +64,14 @@ def simulation_of(node: RosNode) -> Simulation:
     """
     p = node.parameter
     body = _body(p('controller', '', 'path of a controller file (.npz): morphology, terrain, '
-                   'material and solver are its own where no parameter names another; '
+                   'material, solver and sensors are its own where no parameter names another; '
                    'empty: none'), node.where())
     shape = p('morphology', body.morphology.grid_string if body else 'biped',
               'shape name or grid, e.g. biped, comb-7x2, 1111-1001')
     terrain = p('terrain', body.terrain if body else 'flat',
                 'flat | hilly-h-w-seed | steppy-h-w-seed | uphill-a | ...')
+    sensors = p('sensors', ','.join(body.sensors if body else DEFAULT_SENSORS),
+                'what each voxel senses, names separated by commas')
     engine = p('engine', DEFAULT_ENGINE, f'physics engine: {" | ".join(ENGINES)}')
     material, solver = (body.material, body.solver) if body else (Material(), Solver())
     constants = _declared(node, 'material', material)
@@ -77,7 +80,8 @@ def simulation_of(node: RosNode) -> Simulation:
     try:
         return Simulation(
             parse_morphology(shape), terrain, material=Material(**constants),
-            solver=Solver(**how), engine=engine, **faults,
+            solver=Solver(**how), engine=engine,
+            sensors=tuple(sensors.split(',')), **faults,
         )
     except InvalidInput as error:
         raise error.found_in(node.where()) from None

@@ -64,6 +64,7 @@ def evolve(
     n_c: int | None = None,
     hidden: tuple[int, ...] | None = None,
     as_printed: bool | None = None,
+    sensors: tuple[str, ...] | None = None,
 ) -> EvolutionRun:
     """Evolve a robot, as `snca evolve` does; None stands for the default of that command.
 
@@ -84,7 +85,8 @@ def evolve(
         seed: of all random numbers.
         strategy, population, sigma: of the search.
         duration, transient: of an episode [s], and what its score ignores at the start [s].
-        n_c, hidden, as_printed: of the cells, see `snca_ros.cell.architecture.Architecture`.
+        n_c, hidden, as_printed, sensors: of the cells, see
+            `snca_ros.cell.architecture.Architecture`.
 
     Raises:
         InvalidInput: a value is off, or the folder is in use, holds files, or another run.
@@ -96,7 +98,7 @@ def evolve(
         'terrain': terrain, 'evaluations': evaluations, 'seed': seed, 'engine': engine,
         'strategy': strategy, 'population': population, 'sigma': sigma, 'duration': duration,
         'transient': transient, 'physics': physics, 'n_c': n_c, 'hidden': hidden,
-        'as_printed': as_printed,
+        'as_printed': as_printed, 'sensors': sensors,
     }
     given = {name: value for name, value in given.items() if value is not None}
 

@@ -21,7 +21,7 @@ LONGEST = 3600.0
 
 
 @compiled
-def _walk(world, cells, neighbors, n_steps, disturbance, faults, centers):
+def _walk(world, robot, cells, neighbors, n_steps, disturbance, faults, centers):
     """Run a whole episode; write `centers` (n_steps + 1, 2); return the steps that were sane.
 
     Without `faults`, None, what they cost is not even compiled.
@@ -30,10 +30,10 @@ def _walk(world, cells, neighbors, n_steps, disturbance, faults, centers):
     centers[0] = center_of_mass(world.masses)
     for k in range(n_steps):
         if faults is None:
-            step_all(cells, neighbors, world.readings, k, actuation)
+            step_all(cells, neighbors, robot.readings, k, actuation)
         else:
-            step_all_faulty(cells, neighbors, world.readings, k, actuation, faults, k)
-        if not move_disturbed(world, actuation, k + 1, disturbance, k):
+            step_all_faulty(cells, neighbors, robot.readings, k, actuation, faults, k)
+        if not move_disturbed(world, robot, actuation, k + 1, disturbance, k):
             return k
         centers[k + 1] = center_of_mass(world.masses)
     return n_steps
@@ -95,6 +95,7 @@ def run_compiled(simulation: Simulation, controller: Controller, n_steps: int) -
     centers = np.empty((n_steps + 1, 2))
     done = _walk(
         simulation.world,
+        simulation.sensing,
         controller.cells.state,
         controller.neighbors,
         n_steps,

@@ -14,15 +14,15 @@ from snca_ros.evolution.episode import EPISODE, Episode
 
 
 @compiled
-def _walk(group, cells, centers, done):
+def _walk(group, sensing, cells, centers, done):
     """Run whole episodes; write `centers` (n_steps + 1, 2, W) and the steps `done` (W,)."""
     _write_centers(group.mass_lanes, centers[0])
     for k in range(centers.shape[0] - 1):
-        step_group(cells, group.readings, k, group.actuation)
-        advance_group(group, k + 1)
+        step_group(cells, sensing.readings, k, group.actuation)
+        advance_group(group, sensing, k + 1)
         _write_centers(group.mass_lanes, centers[k + 1])
         for lane in range(done.shape[0]):
-            if done[lane] == k and group.sane_lanes[0, 0, lane] > 0.0:
+            if done[lane] == k and sensing.sane_lanes[0, 0, lane] > 0.0:
                 done[lane] = k + 1
 
 
@@ -59,13 +59,13 @@ def run_episodes(
     Returns:
         An episode per controller; each is the same, to the bit, whatever the others are.
     """
-    width = robots.group.reading_lanes.shape[2]
+    width = robots.sensing.reading_lanes.shape[2]
     n_steps = round(duration * CONTROL_RATE)
     cells = make_cells(architecture, morphology, thetas, width)
     centers = np.empty((n_steps + 1, 2, width))
     done = np.zeros(width, dtype=np.int64)
     robots.reset(push)
-    _walk(robots.group, cells, centers, done)
+    _walk(robots.group, robots.sensing, cells, centers, done)
     robots.step_count = n_steps
     return [
         Episode(centers[: done[lane] + 1, :, lane], diverged=bool(done[lane] < n_steps))
@@ -93,7 +93,8 @@ class SideBySide:
         config, morphology = self._config, self._morphology
         if width not in self._robots:
             self._robots[width] = Robots(
-                morphology, self._terrain, config.material, config.solver, width
+                morphology, self._terrain, config.material, config.solver, width,
+                sensors=config.architecture.sensors,
             )
         return run_episodes(
             self._robots[width], config.architecture, morphology, thetas, duration, push

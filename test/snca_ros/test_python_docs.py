@@ -11,6 +11,7 @@ from support.paths import ROOT
 from support.synthetic_bag import Walk, messages_of_walk, write_messages
 
 import snca_ros as snca
+from sim_node.model.sensors import SENSORS
 
 BUDGET = [  # what the test runs instead of what a person does
     ('evaluations=3000', 'evaluations=8, population=4, duration=1.0, transient=0.5'),
@@ -38,6 +39,7 @@ def test_every_line_of_the_page_runs(tmp_path, monkeypatch, capsys):
     (tmp_path / 'bags').mkdir()
     write_messages(tmp_path / 'bags' / 'mine', messages_of_walk(walk))
     names, told = {'__name__': 'page'}, 0
+    monkeypatch.setattr(SENSORS, '_entries', dict(SENSORS._entries))
     for block in blocks():
         exec(compile(block, 'docs/python.md', 'exec'), names)
         for line in block.splitlines():

@@ -1,6 +1,7 @@
 """The header and the parameters of a controller file: every wrong value is named."""
 
 import json
+import sys
 from dataclasses import fields
 
 import numpy as np
@@ -10,7 +11,9 @@ from hypothesis import strategies as st
 from support.controller_files import THETA, json_values, quick, refusal, write
 
 from sim_node.errors import InvalidInput
+from sim_node.model.body_file import load_body
 from sim_node.model.material import Material
+from sim_node.model.sensors import DEFAULT_SENSORS
 from snca_ros.controller_file import load_controller
 
 
@@ -72,6 +75,10 @@ def changed(header: dict, field: str, value) -> dict:
 NOT_A_DICT = [None, True, 3, 'text', [], ['uniform']]
 NOT_A_SIZE = [None, 0, -1, 1.0, '1', True, [1], {}, 10**30]
 WRONG = {
+    'sensors': [
+        None, True, 3, 'area', {}, [], ['area'] * 2, ['aera', *DEFAULT_SENSORS[1:]], [3], [[]],
+        [None], [*DEFAULT_SENSORS, 'os'], ['area', 'touch'],
+    ],
     'format_version': [None, '1', 1.0, True, [1], {}, 0, 2, -1, 10**30],
     'architecture': NOT_A_DICT,
     'architecture.uniform': [None, 1, 'true', [], {}],
@@ -111,7 +118,9 @@ def test_wrong_value_is_named(path, header, field):
     words = field.split('.')[:1] if field == 'morphology.grid' else field.split('.')[-1:]
     for value in WRONG[field]:
         write(path, changed(header, field, value), THETA)
-        assert words[0] in refusal(path).split(': got ')[0], f'{field} = {value!r}'
+        named = refusal(path).split(': got ')[0]
+        of_size = field == 'sensors' and value == ['area', 'touch']  # other cells, other weights
+        assert ('theta' if of_size else words[0]) in named, f'{field} = {value!r}'
 
 
 def test_every_field_has_its_wrong_values(header):
@@ -121,7 +130,7 @@ def test_every_field_has_its_wrong_values(header):
 
 
 @pytest.mark.parametrize(
-    'field', [f for f in WRONG if '.' not in f and f not in SINCE_TWO_ENGINES]
+    'field', [f for f in WRONG if '.' not in f and f not in (*SINCE_TWO_ENGINES, 'sensors')]
 )
 def test_missing_field_is_named(path, header, field):
     write(path, {name: value for name, value in header.items() if name != field}, THETA)
@@ -221,3 +230,27 @@ def test_files_from_before_there_were_two_engines(path, header):
     write(path, old, THETA)
     trained = load_controller(path)
     assert (trained.chosen_by, trained.v_x) == ('pymunk', {})
+
+
+def test_files_from_before_sensors_had_names(path, header):
+    assert header['sensors'] == list(DEFAULT_SENSORS)
+    write(path, {key: value for key, value in header.items() if key != 'sensors'}, THETA)
+    assert load_controller(path).architecture.sensors == DEFAULT_SENSORS
+    assert load_body(path).sensors == DEFAULT_SENSORS
+
+
+def test_sensors_in_another_order_are_those_of_cells_and_body(path, header):
+    names = DEFAULT_SENSORS[::-1]
+    write(path, {**header, 'sensors': names}, THETA)
+    trained = load_controller(path)
+    assert trained.architecture.sensors == trained.simulation().sensors == names
+    assert load_body(path).sensors == names
+
+
+def test_an_unknown_sensor_is_refused_with_the_known_ones_and_imports_nothing(path, header):
+    write(path, {**header, 'sensors': ['area', 'antigravity']}, THETA)
+    known = f"sensors: got 'antigravity', expected one of {', '.join(DEFAULT_SENSORS)}"
+    assert refusal(path) == known
+    with pytest.raises(InvalidInput, match='expected one of area, touch, velocity_x, velocity_y'):
+        load_body(path)
+    assert 'antigravity' not in sys.modules
