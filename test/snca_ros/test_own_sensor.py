@@ -79,7 +79,7 @@ def test_a_fifth_sensor_is_what_numpy_computes_from_the_masses(engine):
 @pytest.mark.parametrize('engine', ENGINES)
 def test_a_sensor_without_a_range_is_clipped(engine):
     readings, masses = walk(engine=engine, sensors=('height',))
-    heights = masses[..., 1].reshape(41, -1, 4).mean(axis=2) / 11.0
+    heights = masses[..., 1].reshape(41, -1, 4).mean(axis=2) / 10.0
     assert readings.shape == (41, 3, 1)
     np.testing.assert_allclose(readings[..., 0], np.minimum(heights, 1.0), atol=1e-12)
     assert (heights > 1.0).any()

@@ -24,7 +24,7 @@ class Height(NamedTuple):
     """Mean height of the masses over `top`."""
 
     window: int = 1  # control steps
-    top: float = 11.0  # m
+    top: float = 10.0  # m
 
     @staticmethod
     @compiled_inline
