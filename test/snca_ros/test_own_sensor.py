@@ -183,9 +183,10 @@ def test_voxels_of_a_bag_that_sense_different_things_are_refused(tmp_path):
         messages_of_walk(make_walk(4, (name,), sensors=sensors))
         for name, sensors in (('voxel_0_0', DEFAULT_SENSORS), ('voxel_1_0', DEFAULT_SENSORS[::-1]))
     )
+    of_voxel = [[m for m in said if 'voxel' in m[0]] for said in two]
+    bag = write_messages(tmp_path / 'bag', [*one, *of_voxel])
     with pytest.raises(InvalidInput, match='the same names in all voxels'):
-        of_voxel = [[m for m in said if 'voxel' in m[0]] for said in two]
-        read_bag(write_messages(tmp_path / 'bag', [*one, *of_voxel]))
+        read_bag(bag)
 
 
 def test_the_command_takes_sensors_of_a_plug_in(tmp_path):

@@ -252,6 +252,7 @@ def test_defaults_are_written_out(name, model):
     assert values == {
         'uniform': name.startswith('U'), 'directional': name.endswith('-D'),
         'neuron_model': model, 'n_c': n_c, 'hidden': [4 + 4 * n_c], 'as_printed': False,
+        'sensors': ['area', 'touch', 'velocity_x', 'velocity_y'],
     }
     short = {key: values[key] for key in ('uniform', 'directional', 'neuron_model')}
     assert Architecture.from_dict(short) == Architecture.named(name, model)
