@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 from support.paths import ROOT
-from support.tilt_sensor import TILT
+from support.tilt_sensor import Tilt
 
 from sim_node.model.sensors import DEFAULT_SENSORS, SENSORS
 from sim_node.registry import PLUGINS
@@ -21,21 +21,18 @@ FIVE = ('tilt', *DEFAULT_SENSORS)
 def test_a_graph_with_a_sensor_of_a_plug_in_repeats_the_offline_walk(
     make_controller, tmp_path, monkeypatch
 ):
-    if 'tilt' not in SENSORS:
-        SENSORS['tilt'] = TILT
-    monkeypatch.setenv(PLUGINS, 'support.tilt_sensor')
-    monkeypatch.setenv('PYTHONPATH', os.pathsep.join([str(ROOT), str(ROOT / 'test')]))
+    environment = {
+        **os.environ, PARENT: str(os.getpid()), PLUGINS: 'support.tilt_plugin',
+        'PYTHONPATH': os.pathsep.join([str(ROOT), str(ROOT / 'test')]),
+    }
+    monkeypatch.setitem(SENSORS._entries, 'tilt', Tilt())
     path, bag = make_controller('11-10', 'U-D', 'snn-h', sensors=FIVE), tmp_path / 'bag'
-    try:
-        twin, _ = record_offline(load_controller(path), path, 1.0)
-        walked = subprocess.run(
-            [sys.executable, '-m', 'snca_ros', 'walk', path, '--duration', '1',
-             '--voxels-per-process', '2', '--bag', bag],
-            env={**os.environ, PARENT: str(os.getpid())}, cwd=tmp_path, text=True, timeout=120,
-            capture_output=True, check=False,
-        )
-    finally:
-        del SENSORS['tilt']
+    twin, _ = record_offline(load_controller(path), path, 1.0)
+    walked = subprocess.run(
+        [sys.executable, '-m', 'snca_ros', 'walk', path, '--duration', '1',
+         '--voxels-per-process', '2', '--bag', bag],
+        env=environment, cwd=tmp_path, text=True, timeout=120, capture_output=True, check=False,
+    )
     assert walked.returncode == 0, walked.stderr
     recording = read_bag(bag)
     assert recording.sensors == twin.sensors == FIVE

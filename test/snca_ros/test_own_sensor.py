@@ -10,7 +10,7 @@ import pytest
 import yaml
 from support.paths import ROOT
 from support.synthetic_bag import make_walk, messages_of_walk, write_messages
-from support.tilt_sensor import TILT, Height
+from support.tilt_sensor import Height, Tilt
 
 from sim_node.batched.engine import Robots
 from sim_node.errors import InvalidInput
@@ -35,8 +35,7 @@ ENGINES = ('pymunk', 'batched')
 
 @pytest.fixture(autouse=True)
 def registered():
-    SENSORS._entries.pop('tilt', None)  # importing the module has registered it, once
-    SENSORS['tilt'] = TILT
+    SENSORS['tilt'] = Tilt()
     SENSORS['height'] = Height()
     yield
     del SENSORS['tilt'], SENSORS['height']
@@ -208,7 +207,7 @@ def test_the_command_takes_sensors_of_a_plug_in(tmp_path):
     assert refused.returncode != 0
     known = "sensors: got 'tilt', expected one of area, touch, velocity_x, velocity_y"
     assert known in refused.stderr
-    done = run(**{PLUGINS: 'support.tilt_sensor'})
+    done = run(**{PLUGINS: 'support.tilt_plugin'})
     assert done.returncode == 0, done.stderr
     assert 'sensors tilt, area' in done.stderr
     best, = tmp_path.glob('runs/*sensors-tilt+area*/best.npz')

@@ -1,8 +1,8 @@
-"""Sensors from outside the tree, as a plug-in that registers one of them."""
+"""Sensors from outside the tree; `tilt_plugin` registers one of them."""
 
 from typing import NamedTuple
 
-from sim_node.model.sensors import SENSORS, own_axes
+from sim_node.model.sensors import own_axes
 from sim_node.numerics.jit import compiled_inline
 
 
@@ -31,7 +31,3 @@ class Height(NamedTuple):
     def measure(sensor, voxel):
         y = voxel.y
         return (y[0] + y[1] + y[2] + y[3]) / (4.0 * sensor.top)
-
-
-TILT = Tilt()
-SENSORS.register('tilt', TILT)
