@@ -14,9 +14,10 @@ import time
 import numpy as np
 
 from benchmarks.command import run_part
+from sim_node.model.sensing import sense_robot
 from sim_node.model.solver import Solver
 from sim_node.munk2d import c_functions as munk
-from sim_node.munk2d.engine import sense, set_rest_lengths
+from sim_node.munk2d.engine import look, set_rest_lengths
 from sim_node.numerics.jit import compiled
 from sim_node.simulation import Simulation
 from snca_ros.cell.architecture import Architecture
@@ -57,10 +58,11 @@ def actuation_of(simulation: Simulation, controller: Controller, n_steps: int) -
 
 
 @compiled
-def sensor_steps(world, n_steps):
+def sensor_steps(world, robot, n_steps):
     """Read bodies and sensors and nothing else."""
     for k in range(n_steps):
-        sense(world, k)
+        look(world)
+        sense_robot(robot, world.masses, world.area_ratios, world.touching, k)
 
 
 @compiled
@@ -98,9 +100,11 @@ def measure_case(shape: str, name: str, model: str, rounds: int, duration: float
         'episode': lambda: run_episode(simulation, controller, duration),
         'reset': simulation.reset,
         'bare': lambda: bare_steps(bare.world, motion),
-        'sensors': lambda: sensor_steps(simulation.world, n_steps),
+        'sensors': lambda: sensor_steps(
+            simulation.world, simulation.sensing, n_steps
+        ),
         'cells': lambda: cell_steps(
-            controller.cells.state, controller.neighbors, simulation.world.readings,
+            controller.cells.state, controller.neighbors, simulation.readings,
             np.empty(n), n_steps,
         ),
         'actuation': lambda: actuation_steps(simulation.world, changes, n_steps),

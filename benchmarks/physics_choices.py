@@ -322,7 +322,7 @@ def champion(quick):
         rng, controller = np.random.default_rng(start), trained.controller()
         for b in sim.bodies:
             b.velocity = tuple(rng.uniform(-1e-6, 1e-6, 2))
-        readings, x = sim.world.readings.copy(), [sim.center[0]]
+        readings, x = sim.readings.copy(), [sim.center[0]]
         begin = time.process_time()
         for _ in range(1800):
             readings = sim.step(controller.step(readings))

@@ -1,7 +1,7 @@
 """What a physics engine is: a class of a few methods, found by its name.
 
 An engine steps one robot on one terrain; `sim_node.simulation.Simulation` does all else (checks,
-faults, noise) alike for every engine. To add one, derive from `Engine` and call
+sensors, faults, noise) alike for every engine. To add one, derive from `Engine` and call
 `ENGINES.register`, see `sim_node.registry`.
 Nothing here, and nothing that asks for an engine by its name, imports an engine that is not used.
 """
@@ -45,10 +45,6 @@ class RobotArrays(Protocol):
     def actuation(self) -> np.ndarray:
         """Return the actuation of the last step, clipped to [-1, 1], (n_voxels,)."""
 
-    @property
-    def readings(self) -> np.ndarray:
-        """Return the sensor readings, (n_voxels, 4) in [0, 1], in the order of `SENSORS`."""
-
 
 class Engine(ABC):
     """One robot on one terrain, stepped by some physics.
@@ -61,8 +57,8 @@ class Engine(ABC):
         push: 0, or the seed of a pushed start, see `sim_node.model.body.pushed`.
 
     Attributes:
-        world: the robot as arrays, from the first `reset` on; a step writes into them. `Simulation`
-            reads them after each call, and puts noise and broken sensors into `readings`.
+        world: the robot as arrays, from the first `reset` on. `Simulation` reads them after each
+            call; the sensors read them, too.
     """
 
     self_collision: ClassVar[bool] = False
@@ -85,18 +81,19 @@ class Engine(ABC):
 
     @abstractmethod
     def reset(self) -> None:
-        """Put the robot down at rest, as if it had never moved, and read its sensors."""
+        """Put the robot down at rest, as if it had never moved."""
 
     @abstractmethod
     def step(self, actuation: np.ndarray, step: int) -> bool:
-        """Apply `actuation` for one control step of 1/60 s and read the sensors.
+        """Apply `actuation` for one control step of 1/60 s.
 
         Args:
             actuation: (n_voxels,) finite; values beyond [-1, 1] count as -1 and 1.
             step: number of the control step; the first after a reset is 1.
 
         Returns:
-            False if the physics diverged: the robot cannot go on before the next reset.
+            False if the physics diverged: the robot cannot go on before the next reset. Readings
+            that are not finite and areas beyond bounds are found by `Simulation`.
         """
 
 

@@ -1,8 +1,10 @@
 """One robot on one terrain: `reset()` and `step(actuation)` give the voxels' sensor readings.
 
-The physics is that of an engine, see `sim_node.engine`; checks, noise and faults are the same in
-each.
+The physics is that of an engine, see `sim_node.engine`; checks, sensors, noise and faults are
+the same in each.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -18,7 +20,8 @@ from sim_node.model.body_faults import (
 )
 from sim_node.model.material import Material
 from sim_node.model.morphology import Morphology, parse_morphology
-from sim_node.model.sensors import center_of_mass
+from sim_node.model.sensing import sense_robot, sensing_of_one
+from sim_node.model.sensors import DEFAULT_SENSORS, center_of_mass
 from sim_node.model.solver import Solver
 from sim_node.model.terrain import DEFAULT_TERRAIN, Terrain, parse_terrain
 
@@ -41,8 +44,11 @@ class Simulation:
         push: 0, or the seed of a pushed start: every mass begins up to `sim_node.model.body.PUSH`
             away from its place in x and in y. The closed loop is chaotic, so each push is another
             walk of the same robot, and the mean over several says more than the one episode.
+        sensors: names of what each voxel senses, of `sim_node.model.sensors.SENSORS`.
 
     Attributes:
+        sensors: the names, in the order of the readings.
+        sensing: the sensors, as compiled code reads them.
         engine: its name.
         backend: the engine itself, which steps this robot.
 
@@ -63,6 +69,7 @@ class Simulation:
         seed: int = FaultsOfBody.seed,
         engine: str = DEFAULT_ENGINE,
         push: int = 0,
+        sensors: Sequence[str] = DEFAULT_SENSORS,
     ) -> None:
         if not isinstance(morphology, Morphology):
             morphology = parse_morphology(morphology)
@@ -79,20 +86,23 @@ class Simulation:
             broken_sensors=broken_sensors, broken_actuators=broken_actuators,
             sensor_noise=sensor_noise, seed=seed,
         )
-        self._faults = BodyFaults(morphology, faults)
+        self.sensing = sensing_of_one(sensors, morphology.n_voxels)
+        self.sensors = tuple(sensors)
+        self._faults = BodyFaults(morphology, faults, len(self.sensors))
         self.backend = engine_class(morphology, terrain, self.material, self.solver, push)
         self.step_count = 0
         self.reset()
 
     def reset(self) -> np.ndarray:
-        """Put a fresh robot down at rest and return its first readings, (n_voxels, 4).
+        """Put a fresh robot down at rest and return its first readings, (n_voxels, n_sensors).
 
         The same robot on the same terrain always repeats bit for bit.
         """
         self.backend.reset()
         self.step_count = 0
         self._faults.reset()
-        readings = self.world.readings
+        self._sense(0)
+        readings = self.readings
         disturb_readings(readings, readings, self._faults.draw(-1, 1), 0)
         return readings.copy()
 
@@ -110,15 +120,20 @@ class Simulation:
             raise InvalidInput('actuation', actuation, expected) from None
         if values.shape != self.world.actuation.shape or not np.isfinite(values).all():
             raise InvalidInput('actuation', values.tolist(), expected)
-        disturbance, world = self.disturbance(1), self.world
-        break_values(values, disturbance.actuators[0], world.actuation)
-        before = world.readings.copy()
+        disturbance, before = self.disturbance(1), self.readings.copy()
+        break_values(values, disturbance.actuators[0], self.world.actuation)
         finite = self.backend.step(values, self.step_count + 1)
-        disturb_readings(world.readings, before, disturbance, 0)
-        if not finite:
+        sane = self._sense(self.step_count + 1)
+        disturb_readings(self.readings, before, disturbance, 0)
+        if not (finite and sane):
             raise Diverged(f'{self.morphology.name}: not finite at step {self.step_count + 1}')
         self.step_count += 1
-        return self.world.readings.copy()
+        return self.readings.copy()
+
+    def _sense(self, step: int) -> bool:
+        """Read all sensors at control step `step`; return False if the physics diverged."""
+        world = self.world
+        return sense_robot(self.sensing, world.masses, world.area_ratios, world.touching, step)
 
     def disturbance(self, n_steps: int) -> Disturbance:
         """Return what befalls the body in the next control steps."""
@@ -128,6 +143,11 @@ class Simulation:
     def world(self) -> RobotArrays:
         """Return the robot as the engine's arrays, which the next `step` or `reset` changes."""
         return self.backend.world
+
+    @property
+    def readings(self) -> np.ndarray:
+        """Return the newest readings, (n_voxels, n_sensors), which the next step writes anew."""
+        return self.sensing.readings
 
     @property
     def time(self) -> float:

@@ -18,7 +18,6 @@ from sim_node.errors import InvalidInput, check_keys, check_name
 from sim_node.model.body_file import FORMAT_VERSION, body_of, check_version, field_of, read_archive
 from sim_node.model.material import Material
 from sim_node.model.morphology import Morphology
-from sim_node.model.sensors import SENSORS
 from sim_node.model.solver import Solver
 from sim_node.model.terrain import DEFAULT_TERRAIN
 from snca_ros import __version__
@@ -117,7 +116,7 @@ class TrainedController:
 
         return Simulation(
             self.morphology, terrain or self.terrain, material=self.material, solver=self.solver,
-            engine=engine, push=push, **faults.of_body,
+            engine=engine, push=push, sensors=self.architecture.sensors, **faults.of_body,
         )
 
 
@@ -227,10 +226,8 @@ def _checked(header: dict, theta: np.ndarray) -> TrainedController:
     check_version(header)
     is_old = header['format_version'] == 1
     check_keys('header', header, _FIELDS_1 if is_old else _FIELDS)
-    cells = field_of(header, 'architecture', dict)
-    sensors = SENSORS if is_old else field_of(header, 'sensors', list)
-    architecture = Architecture.from_dict({**cells, 'sensors': sensors})
-    body = body_of(header)
+    cells, body = field_of(header, 'architecture', dict), body_of(header)
+    architecture = Architecture.from_dict({**cells, 'sensors': body.sensors})
     expected = architecture.n_parameters(body.morphology.n_voxels)
     if theta.dtype != np.float64 or theta.shape != (expected,):
         shown = f'{theta.dtype} of shape {theta.shape}'

@@ -1,31 +1,31 @@
 """Robots of one shape on one terrain, side by side: reset, step, and what they sense."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from sim_node.batched.contacts import find_contacts
-from sim_node.batched.sensing import sense
+from sim_node.batched.outlines import look, look_and_sense
 from sim_node.batched.state import Group, make_group, put_down
 from sim_node.batched.step import physics_step
 from sim_node.engine import Engine, check_engine
 from sim_node.model.body import build_body, pushed
 from sim_node.model.material import Material
 from sim_node.model.morphology import Morphology
+from sim_node.model.sensing import Sensing, make_sensing
+from sim_node.model.sensors import DEFAULT_SENSORS
 from sim_node.model.solver import Solver
 from sim_node.model.terrain import Terrain
-from sim_node.numerics.jit import compiled
+from sim_node.numerics.jit import compiled, compiled_part
 
 WIDTH = 16
 """Robots in a group: two 512-bit registers of doubles, which hide each other's latency."""
 
 
-@compiled
-def advance_group(group, step):
-    """Let all robots act by `group.actuation` up to control step `step`, and read the sensors.
-
-    Step 0 is the start: only the sensors are read.
-    """
+@compiled_part
+def _move(group, step):
+    """Let all robots act by `group.actuation` up to control step `step`; 0 is the start."""
     for i in range(group.actuation_lanes.shape[0]):
         for lane in range(group.actuation_lanes.shape[2]):
             a = group.actuation_lanes[i, 0, lane]
@@ -34,7 +34,20 @@ def advance_group(group, step):
         physics_step(group)
     if step == 0 and group.current_poses:
         find_contacts(group)
-    sense(group, step)
+
+
+@compiled
+def move_group(group, step):
+    """Move all robots up to control step `step`, and look at their voxels."""
+    _move(group, step)
+    look(group)
+
+
+@compiled
+def advance_group(group, sensing, step):
+    """Move all robots up to control step `step`, look at their voxels, and read their sensors."""
+    _move(group, step)
+    look_and_sense(group, sensing, step)
 
 
 class OneRobot(NamedTuple):
@@ -45,7 +58,6 @@ class OneRobot(NamedTuple):
     area_ratios: np.ndarray  # (n_voxels,)
     touching: np.ndarray  # (n_voxels,) 0.0 or 1.0
     actuation: np.ndarray  # (n_voxels,) in [-1, 1]
-    readings: np.ndarray  # (n_voxels, 4) in [0, 1]
 
 
 def one_robot(group: Group) -> OneRobot:
@@ -56,7 +68,6 @@ def one_robot(group: Group) -> OneRobot:
         area_ratios=group.area_ratios['lane'][:, 0, 0],
         touching=group.touching['lane'][:, 0, 0],
         actuation=group.actuation_lanes[:, 0, 0],
-        readings=group.reading_lanes[:, :, 0],
     )
 
 
@@ -74,13 +85,16 @@ class Robots:
         width: number of robots W.
         push: of a `reset` that names none, as of `sim_node.model.body.pushed`: the same for all;
             0 is none.
+        sensors: names of what each voxel senses, of `sim_node.model.sensors.SENSORS`.
 
     Attributes:
         group: their state, which compiled code steps.
+        sensing: their sensors, which compiled code reads.
         step_count: control steps made.
 
     Raises:
-        InvalidInput: the solver asks for self-collision, which this engine does not have.
+        InvalidInput: a sensor is unknown, or the solver asks for self-collision, which this engine
+            does not have.
     """
 
     def __init__(
@@ -91,10 +105,15 @@ class Robots:
         solver: Solver,
         width: int = WIDTH,
         push: int = 0,
+        sensors: Sequence[str] = DEFAULT_SENSORS,
     ) -> None:
         check_engine('batched', solver)
         self._body, self._push = build_body(morphology, terrain, material), push
-        self.group: Group = make_group(self._body, terrain.polygons, material, solver, width)
+        group = make_group(self._body, terrain.polygons, material, solver, width)
+        self.group: Group = group
+        self.sensing: Sensing = make_sensing(
+            sensors, group.masses, group.area_ratios, group.touching
+        )
         self.reset()
 
     def reset(self, push: int | None = None) -> None:
@@ -106,7 +125,7 @@ class Robots:
         """
         put_down(self.group, pushed(self._body, self._push if push is None else push))
         self.step_count = 0
-        advance_group(self.group, 0)
+        advance_group(self.group, self.sensing, 0)
 
     def step(self, actuation: np.ndarray) -> np.ndarray:
         """Apply `actuation`, (n_voxels, W) in [-1, 1], for 1/60 s; return the new readings.
@@ -114,26 +133,26 @@ class Robots:
         A robot that is no longer `sane` goes on with numbers that mean nothing.
         """
         self.group.actuation_lanes[:, 0] = actuation
-        advance_group(self.group, self.step_count + 1)
+        advance_group(self.group, self.sensing, self.step_count + 1)
         self.step_count += 1
         return self.readings
 
     @property
     def readings(self) -> np.ndarray:
-        """Return the sensor readings, (n_voxels, 4, W) in [0, 1], of the order of `SENSORS`."""
-        return self.group.reading_lanes.copy()
+        """Return the sensor readings, (n_voxels, n_sensors, W) in [0, 1]."""
+        return self.sensing.reading_lanes.copy()
 
     @property
     def sane(self) -> np.ndarray:
         """Tell which robots' physics has not diverged, (W,)."""
-        return self.group.sane['lane'][0, 0] > 0.0
+        return self.sensing.sane_lanes[0, 0] > 0.0
 
 
 class BatchedEngine(Engine):
     """One of such robots, in a group of its own.
 
     Attributes:
-        robots: the group of one lane.
+        group: its state, of one lane.
     """
 
     lanes = (4, 8, 16)  # widths that are compiled when they are needed
@@ -147,16 +166,17 @@ class BatchedEngine(Engine):
         solver: Solver,
         push: int = 0,
     ) -> None:
-        self.robots = Robots(morphology, terrain, material, solver, 1, push)
-        self.world = one_robot(self.robots.group)
+        self._body = pushed(build_body(morphology, terrain, material), push)
+        self.group: Group = make_group(self._body, terrain.polygons, material, solver, 1)
+        self.world = one_robot(self.group)
 
     def reset(self) -> None:
-        """Put the robot down at rest, and read its sensors."""
-        self.robots.reset()
+        """Put the robot down at rest."""
+        put_down(self.group, self._body)
+        move_group(self.group, 0)
 
     def step(self, actuation: np.ndarray, step: int) -> bool:
-        """Apply (n_voxels,) `actuation` up to control step `step`; False if physics diverged."""
-        group = self.robots.group
-        group.actuation_lanes[:, 0, 0] = actuation
-        advance_group(group, step)
-        return bool(self.robots.sane[0])
+        """Apply (n_voxels,) `actuation` up to control step `step`."""
+        self.group.actuation_lanes[:, 0, 0] = actuation
+        move_group(self.group, step)
+        return True

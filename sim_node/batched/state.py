@@ -15,7 +15,6 @@ from sim_node.control_time import CONTROL_RATE
 from sim_node.model.body import LIMIT, SPRING, WELD, Body
 from sim_node.model.ground_polygons import most_at_once, polygon_rows
 from sim_node.model.material import Material
-from sim_node.model.sensors import N_SENSORS, TOUCH_WINDOW, VELOCITY_WINDOW
 from sim_node.model.solver import Solver
 from sim_node.numerics.lane_array import zeros
 
@@ -80,15 +79,9 @@ class Group(NamedTuple):
     corners: np.ndarray  # lanes (n_voxels * 4, 2) outer corners [m]
     area_ratios: np.ndarray  # lanes (n_voxels, 1)
     touching: np.ndarray  # lanes (n_voxels, 1) 0.0 or 1.0
-    touches: np.ndarray  # lanes (n_voxels * TOUCH_WINDOW, 1) ring buffers of the sensors
-    velocities: np.ndarray  # lanes (n_voxels * VELOCITY_WINDOW, 2)
-    readings: np.ndarray  # lanes (n_voxels, 4) in [0, 1]
-    sane: np.ndarray  # lanes (1, 1) 1.0, or 0.0 where the physics diverged
 
     mass_lanes: np.ndarray  # (n_masses, 11, W) the floats of `masses`
-    reading_lanes: np.ndarray  # (n_voxels, 4, W) the floats of `readings`
     actuation_lanes: np.ndarray  # (n_voxels, 1, W) the floats of `actuation`
-    sane_lanes: np.ndarray  # (1, 1, W) the floats of `sane`
 
 
 def make_group(
@@ -110,7 +103,6 @@ def make_group(
     diagonal = material.mass_side * math.sqrt(2.0)
     slots = min(most_at_once(ground, diagonal) + 1, len(ground))
     actuation, masses = zeros((n_voxels, 1), width), zeros((n_masses, 11), width)
-    readings, sane = zeros((n_voxels, N_SENSORS), width), zeros((1, 1), width)
     return Group(
         substeps=solver.substeps,
         iterations=solver.iterations,
@@ -151,14 +143,8 @@ def make_group(
         corners=zeros((n_voxels * 4, 2), width),
         area_ratios=zeros((n_voxels, 1), width),
         touching=zeros((n_voxels, 1), width),
-        touches=zeros((n_voxels * TOUCH_WINDOW, 1), width),
-        velocities=zeros((n_voxels * VELOCITY_WINDOW, 2), width),
-        readings=readings,
-        sane=sane,
         mass_lanes=masses['lane'],
-        reading_lanes=readings['lane'],
         actuation_lanes=actuation['lane'],
-        sane_lanes=sane['lane'],
     )
 
 

@@ -16,7 +16,7 @@ from sim_node.control_time import CONTROL_RATE
 from sim_node.errors import InvalidInput, near_miss
 from sim_node.model.constants import Checked, constant, text_value
 from sim_node.model.morphology import Morphology
-from sim_node.model.sensors import N_SENSORS, add_noise
+from sim_node.model.sensing import add_noise
 from sim_node.numerics.jit import compiled
 
 BREAKAGES = ('zero', 'frozen', 'random')
@@ -44,17 +44,24 @@ _PATTERN = re.compile(
 )
 
 
-def uniform(seed: int, stream: str, cell: tuple[int, int], first: int, n: int) -> np.ndarray:
+BLOCK = 4
+"""Random numbers of a voxel and control step that are drawn together."""
+
+
+def uniform(
+    seed: int, stream: str, cell: tuple[int, int], first: int, n: int, block: int = 0
+) -> np.ndarray:
     """Return the (n, 4) numbers in [0, 1) of a voxel at the control steps from `first` on.
 
     Args:
         stream: one of `STREAMS`.
         cell: (x, y) of the voxel.
+        block: 0 for the first four, 1 for the next; the numbers of one depend on no other.
     """
-    key = STREAMS.index(stream), *cell
+    key = STREAMS.index(stream), *cell, *((block,) if block else ())
     philox = np.random.Philox(np.random.SeedSequence(seed, spawn_key=key))
     philox.advance(first)  # a tick of its counter gives four numbers
-    return np.random.Generator(philox).random((n, 4))
+    return np.random.Generator(philox).random((n, BLOCK))
 
 
 @dataclass(frozen=True)
@@ -157,11 +164,12 @@ class FaultsOfBody(Checked):
 
 
 class _BrokenParts:
-    """The sensors or the actuators of a robot that break, with values from `low` to 1."""
+    """The `n` sensors or actuators of each voxel that break, with values from `low` to 1."""
 
     def __init__(
-        self, name: str, text: str, morphology: Morphology, seed: int, low: float
+        self, name: str, text: str, morphology: Morphology, seed: int, low: float, n: int
     ) -> None:
+        self._n_parts = n
         self._name, self._morphology, self._seed, self._low = name, morphology, seed, low
         self._breakage = parse_breakage(name, text)
         if self._breakage:
@@ -169,21 +177,25 @@ class _BrokenParts:
             self._victims = np.flatnonzero(victims)
 
     def table(self, first: int, n: int) -> np.ndarray:
-        """Return what is there instead, (n, n_voxels, 4), at n control steps from `first` on.
+        """Return what is there instead, (n, n_voxels, n_parts), at n control steps from `first` on.
 
-        That is `INTACT`, `HELD` or a value; (n, 0, 4) if nothing ever breaks.
+        That is `INTACT`, `HELD` or a value; (n, 0, n_parts) if nothing ever breaks.
         """
         if self._breakage is None:
-            return np.empty((n, 0, N_SENSORS))
-        table = np.full((n, self._morphology.n_voxels, N_SENSORS), INTACT)
+            return np.empty((n, 0, self._n_parts))
+        table = np.full((n, self._morphology.n_voxels, self._n_parts), INTACT)
         broken = self._breakage.outage.covers(np.arange(first, first + n))
         if self._breakage.kind != 'random':
             value = 0.0 if self._breakage.kind == 'zero' else HELD
             table[np.ix_(broken, self._victims)] = value
         elif broken.any():
             for i in self._victims:
-                u = uniform(self._seed, self._name, self._morphology.cells[i], first, n)
-                table[broken, i] = self._low + (1.0 - self._low) * u[broken]
+                cell = self._morphology.cells[i]
+                u = np.concatenate([
+                    uniform(self._seed, self._name, cell, first, n, block)
+                    for block in range(-(-self._n_parts // BLOCK))
+                ], axis=1)[broken, : self._n_parts]
+                table[broken, i] = self._low + (1.0 - self._low) * u
         return table
 
 
@@ -191,8 +203,8 @@ class Disturbance(NamedTuple):
     """What befalls a robot's body at n control steps, a row for each; a part may be empty."""
 
     actuators: np.ndarray  # (n, n_voxels) or (n, 0) `INTACT`, `HELD` or the actuation instead
-    noise: np.ndarray  # (n, n_voxels, 4) or (n, 0, 4) to add to the readings of the next step
-    sensors: np.ndarray  # (n, n_voxels, 4) or (n, 0, 4) `INTACT`, `HELD` or the reading instead
+    noise: np.ndarray  # (n, n_voxels or 0, n_sensors) to add to the readings of the next step
+    sensors: np.ndarray  # (n, n_voxels or 0, n_sensors) `INTACT`, `HELD` or the reading instead
 
 
 @compiled
@@ -207,7 +219,7 @@ def break_values(values, instead, before):
 
 @compiled
 def disturb_readings(readings, before, disturbance, row):
-    """Add noise to readings, (n_voxels, 4), and break sensors, which had the values `before`."""
+    """Add noise to (n_voxels, n_sensors) readings; break sensors, which had the values `before`."""
     add_noise(readings, disturbance.noise[row])
     break_values(readings, disturbance.sensors[row], before)
 
@@ -218,24 +230,30 @@ class BodyFaults:
     Args:
         morphology: of the robot.
         faults: what goes wrong.
+        n_sensors: of each voxel. What befalls the first four depends on no further ones.
 
     Raises:
         InvalidInput: a voxel that shall break does not exist.
     """
 
-    def __init__(self, morphology: Morphology, faults: FaultsOfBody) -> None:
+    def __init__(self, morphology: Morphology, faults: FaultsOfBody, n_sensors: int) -> None:
         sensor_noise, seed = faults.sensor_noise, faults.seed
-        self._noise_shape = (morphology.n_voxels if sensor_noise > 0.0 else 0, N_SENSORS)
-        self._sensor_noise, self._seed = float(sensor_noise), seed
-        self._sensors = _BrokenParts('broken_sensors', faults.broken_sensors, morphology, seed, 0.0)
+        self._noise_shape = (morphology.n_voxels if sensor_noise > 0.0 else 0, BLOCK)
+        self._sensor_noise, self._seed, self._n_sensors = float(sensor_noise), seed, n_sensors
+        self._sensors = _BrokenParts(
+            'broken_sensors', faults.broken_sensors, morphology, seed, 0.0, n_sensors
+        )
         self._actuators = _BrokenParts(
-            'broken_actuators', faults.broken_actuators, morphology, seed, -1.0
+            'broken_actuators', faults.broken_actuators, morphology, seed, -1.0, 1
         )
         self.reset()
 
     def reset(self) -> None:
         """Start anew, at control step 0."""
-        self._rng = np.random.default_rng(self._seed)
+        self._rngs = [  # one for each block of sensors; the first is that of the seed alone
+            np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=key))
+            for key in [(), *((block,) for block in range(1, -(-self._n_sensors // BLOCK)))]
+        ]
 
     def draw(self, step: int, n: int) -> Disturbance:
         """Return what befalls actuation at `step` and n - 1 steps more, readings one step later.
@@ -243,6 +261,7 @@ class BodyFaults:
         The noise goes on from the last call: drawn step by step or many steps at once, the
         numbers are the same. Before the first step, `draw(-1, 1)` is for the first readings.
         """
-        noise = self._sensor_noise * self._rng.standard_normal((n, *self._noise_shape))
+        drawn = [rng.standard_normal((n, *self._noise_shape)) for rng in self._rngs]
+        noise = self._sensor_noise * np.concatenate(drawn, axis=2)[..., : self._n_sensors]
         actuators = self._actuators.table(step, n)[..., 0].copy()
         return Disturbance(actuators, noise, self._sensors.table(step + 1, n))

@@ -15,6 +15,7 @@ import numpy as np
 from sim_node.errors import InvalidInput, check_keys
 from sim_node.model.material import Material
 from sim_node.model.morphology import Morphology, parse_morphology
+from sim_node.model.sensors import DEFAULT_SENSORS, check_sensors
 from sim_node.model.solver import Solver
 from sim_node.model.terrain import parse_terrain
 
@@ -33,12 +34,14 @@ class BodyPart:
         morphology: the robot.
         terrain: name of the ground.
         material, solver: of the simulation; the solver names the physics.
+        sensors: names of what each voxel senses; the default ones in files that name none.
     """
 
     morphology: Morphology
     terrain: str
     material: Material
     solver: Solver
+    sensors: tuple[str, ...]
 
 
 def load_body(path: Path | str) -> BodyPart:
@@ -125,9 +128,11 @@ def body_of(header: dict) -> BodyPart:
     shape = field_of(header, 'morphology', dict)
     check_keys('morphology', shape, ('name', 'grid'))
     name = field_of(shape, 'name', str, 'morphology.')
+    named = header['format_version'] > 1  # files of version 1 name no sensors
     return BodyPart(
         Morphology(name, parse_morphology(shape.get('grid', '')).cells),
         parse_terrain(field_of(header, 'terrain', str)).name,
         Material.from_dict(field_of(header, 'material', dict)),
         Solver.from_dict(field_of(header, 'solver', dict)),
+        check_sensors(field_of(header, 'sensors', list) if named else DEFAULT_SENSORS),
     )

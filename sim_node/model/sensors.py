@@ -1,32 +1,32 @@
-"""A voxel's sensors: area, touch and velocity, read from its masses, as numbers in [0, 1].
+"""A voxel's sensors by name: what each measures, and how measures become readings in [0, 1].
 
-Each kernel works on one voxel's slice of the world's arrays.
+A sensor is a named tuple of constants with a compiled method `measure`, written once for one robot
+and for robots in lanes; `sim_node.model.sensing` reads any selection of them. To add one, see
+docs/python.md.
 """
 
 import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
-import numpy as np
-
+from sim_node.errors import InvalidInput, check_name
 from sim_node.numerics.elementary_functions import sine_cosine, tanh
 from sim_node.numerics.jit import compiled, compiled_inline, compiled_kernel
-
-SENSORS = ('area', 'touch', 'velocity_x', 'velocity_y')
-"""Names of the readings, in their order."""
-
-N_SENSORS = len(SENSORS)
-
-TOUCH_WINDOW, VELOCITY_WINDOW = 15, 30
-"""Control steps over which touch (0.25 s) and velocity (0.5 s) are averaged at 60 Hz."""
-
-AREA_LOW, AREA_HIGH = 0.5, 1.5
-"""Area, relative to rest, that is mapped softly to [0, 1]."""
-
-SPEED = 8.0
-"""Speed [m/s] whose range, to and fro, is mapped softly to [0, 1]."""
-
+from sim_node.registry import Registry
 
 MAX_AREA_RATIO = 100.0
 """A voxel larger than this, relative to rest, has left all bounds."""
+
+
+class Voxel(NamedTuple):
+    """What a sensor may read of its voxel at a control step: numbers or lanes."""
+
+    x: tuple  # [m] of the masses NW, NE, SE, SW
+    y: tuple  # [m]
+    v_x: tuple  # [m/s]
+    v_y: tuple  # [m/s]
+    area_ratio: Any  # area over area at rest
+    touching: Any  # 1.0 if one of the masses touches the ground, else 0.0
 
 
 @compiled_inline
@@ -37,6 +37,149 @@ def soft_normalise(value, low, high):
     """
     u = (value - low) / (high - low)
     return tanh((2.0 * u - 1.0) * 2.0) / 2.0 + 0.5
+
+
+@compiled_inline
+def own_axes(voxel):
+    """Return cosine and sine of a voxel's rotation, numbers or lanes.
+
+    The voxel's x axis points along the mean direction of its top and its bottom side.
+    """
+    x, y = voxel.x, voxel.y
+    top_x, top_y = x[1] - x[0], y[1] - y[0]
+    low_x, low_y = x[2] - x[3], y[2] - y[3]
+    top, low = math.sqrt(top_x * top_x + top_y * top_y), math.sqrt(low_x * low_x + low_y * low_y)
+    axis_x, axis_y = top_x / top + low_x / low, top_y / top + low_y / low
+    length = math.sqrt(axis_x * axis_x + axis_y * axis_y)
+    return axis_x / length, axis_y / length
+
+
+@compiled_inline
+def own_velocity(voxel):
+    """Return the mean velocity (along, across) [m/s] of a voxel's masses in its `own_axes`."""
+    c, s = own_axes(voxel)
+    v_x, v_y = voxel.v_x, voxel.v_y
+    mean_x = (v_x[0] + v_x[1] + v_x[2] + v_x[3]) / 4.0
+    mean_y = (v_y[0] + v_y[1] + v_y[2] + v_y[3]) / 4.0
+    return c * mean_x + s * mean_y, c * mean_y - s * mean_x
+
+
+class Area(NamedTuple):
+    """Area over area at rest (paper, section 2.1)."""
+
+    window: int = 1  # control steps over which measures are averaged
+    low: float = 0.5  # the mean from `low` to `high` is mapped softly to [0, 1]
+    high: float = 1.5
+
+    @staticmethod
+    @compiled_inline
+    def measure(sensor, voxel):
+        """Return the area ratio."""
+        return voxel.area_ratio
+
+
+class Touch(NamedTuple):
+    """Share of the last control steps at which the voxel touched the ground (2D-VSR-Sim's)."""
+
+    window: int = 15  # 0.25 s
+
+    @staticmethod
+    @compiled_inline
+    def measure(sensor, voxel):
+        """Return 1.0 if the voxel touches the ground, else 0.0."""
+        return voxel.touching
+
+
+class VelocityAlong(NamedTuple):
+    """Velocity along the voxel's own x axis (paper, section 2.1; 2D-VSR-Sim's average)."""
+
+    window: int = 30  # 0.5 s
+    low: float = -8.0  # [m/s]
+    high: float = 8.0  # [m/s]
+
+    @staticmethod
+    @compiled_inline
+    def measure(sensor, voxel):
+        """Return the velocity [m/s]."""
+        along, _ = own_velocity(voxel)
+        return along
+
+
+class VelocityAcross(NamedTuple):
+    """Velocity along the voxel's own y axis (paper, section 2.1; 2D-VSR-Sim's average)."""
+
+    window: int = 30  # 0.5 s
+    low: float = -8.0  # [m/s]
+    high: float = 8.0  # [m/s]
+
+    @staticmethod
+    @compiled_inline
+    def measure(sensor, voxel):
+        """Return the velocity [m/s]."""
+        _, across = own_velocity(voxel)
+        return across
+
+
+class SensorRegistry(Registry[Any]):
+    """Sensors by name."""
+
+    def register(self, name: str, thing: Any) -> None:
+        """Add a sensor: a named tuple of numbers with a `window` and a compiled `measure`.
+
+        Raises:
+            InvalidInput: it is none, or its class has the name of another sensor's class, by which
+                compiled code is told apart; or the name is taken.
+        """
+        if not isinstance(name, str) or not name.isidentifier():
+            raise InvalidInput(self.kind, name, 'a name of letters, digits and _')
+        kind, field = type(thing), f'{self.kind} {name}'
+        fields = thing._asdict() if hasattr(kind, '_fields') else {}
+        numbers = all(type(value) in (int, float) for value in fields.values())
+        if not fields or not numbers or not hasattr(getattr(kind, 'measure', None), 'py_func'):
+            expected = 'a named tuple of int and float with a compiled method `measure`'
+            raise InvalidInput(field, thing, expected)
+        if type(fields.get('window')) is not int or not 1 <= fields['window'] <= MAX_WINDOW:
+            raise InvalidInput(
+                f'{field}.window', fields.get('window'), f'an integer from 1 to {MAX_WINDOW}'
+            )
+        given = [fields[end] for end in ('low', 'high') if end in fields]
+        if len(given) == 1 or sorted({*given}) != given:
+            raise InvalidInput(field, thing, '`low` and a higher `high`, or neither')
+        for other in self._entries.values():
+            if type(other) is not kind and type(other).__name__ == kind.__name__:
+                where = type(other).__module__
+                expected = f'a class not called {kind.__name__}, as one in {where} is'
+                raise InvalidInput(field, kind.__name__, expected)
+        super().register(name, thing)
+
+
+MAX_WINDOW = 3600
+"""Longest window of a sensor [control steps]: one minute."""
+
+SENSORS = SensorRegistry('sensors', {
+    'area': Area(),
+    'touch': Touch(),
+    'velocity_x': VelocityAlong(),
+    'velocity_y': VelocityAcross(),
+})
+"""Sensors by name."""
+
+DEFAULT_SENSORS = ('area', 'touch', 'velocity_x', 'velocity_y')
+"""The paper's (section 2.1), in the order of a robot's readings that names no others."""
+
+
+def check_sensors(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of the sensors of a voxel.
+
+    Raises:
+        InvalidInput: they are not a list of names of `SENSORS`, each once; the known ones are told.
+    """
+    is_list = isinstance(names, (tuple, list)) and len(names) > 0
+    if not is_list or len({*map(str, names)}) != len(names):
+        raise InvalidInput('sensors', names, 'a list of names, each once')
+    for name in names:
+        check_name('sensors', name, SENSORS)
+    return tuple(names)
 
 
 @compiled_inline
@@ -79,70 +222,6 @@ def outer_corners(masses, half_side, corners):
         corners[i, 1] = masses[i, 1] + s * sx + c * sy
 
 
-@compiled_inline
-def own_velocity(x, y, vx, vy):
-    """Return the mean velocity (along, across) [m/s] of one voxel's masses in its own axes.
-
-    The voxel's x axis points along the mean direction of its top and its bottom side. Arguments are
-    4-tuples of the masses NW, NE, SE, SW: numbers or lanes.
-    """
-    top_x, top_y = x[1] - x[0], y[1] - y[0]
-    low_x, low_y = x[2] - x[3], y[2] - y[3]
-    top, low = math.sqrt(top_x * top_x + top_y * top_y), math.sqrt(low_x * low_x + low_y * low_y)
-    axis_x, axis_y = top_x / top + low_x / low, top_y / top + low_y / low
-    length = math.sqrt(axis_x * axis_x + axis_y * axis_y)
-    c, s = axis_x / length, axis_y / length
-    mean_vx, mean_vy = (vx[0] + vx[1] + vx[2] + vx[3]) / 4.0, (vy[0] + vy[1] + vy[2] + vy[3]) / 4.0
-    return c * mean_vx + s * mean_vy, c * mean_vy - s * mean_vx
-
-
-@compiled
-def window_means(windows, step):
-    """Return the means of the two rows of a (2, n) ring buffer that saw `step` + 1 samples."""
-    n = min(step + 1, windows.shape[1])
-    first = second = 0.0
-    for i in range(n):  # side by side, for neither sum has to wait for the other
-        first += windows[0, i]
-        second += windows[1, i]
-    return first / n, second / n
-
-
-@compiled
-def measure(voxel, step, touching, area_ratio, touches, velocities, measures):
-    """Write one voxel's four measures (paper, section 2.1; 2D-VSR-Sim's averages).
-
-    Args:
-        voxel: (4, 5) rows of the voxel's masses.
-        step: control step, 0 at the reset.
-        touching: 1.0 if one of the masses touches the ground, else 0.0.
-        area_ratio: area over area at rest.
-        touches: (TOUCH_WINDOW,) ring buffer, written.
-        velocities: (2, VELOCITY_WINDOW) ring buffers, written.
-        measures: (4,) in the order of `SENSORS`, written: area ratio, share of touching steps,
-            mean velocities [m/s].
-    """
-    touches[step % TOUCH_WINDOW] = touching
-    along, across = own_velocity(
-        _column(voxel, 0), _column(voxel, 1), _column(voxel, 3), _column(voxel, 4)
-    )
-    velocities[0, step % VELOCITY_WINDOW] = along
-    velocities[1, step % VELOCITY_WINDOW] = across
-    measures[0] = area_ratio
-    n = min(step + 1, TOUCH_WINDOW)
-    measures[1] = touches[:n].sum() / n  # whole numbers: exact in any order
-    measures[2], measures[3] = window_means(velocities, step)
-
-
-@compiled_kernel
-def normalise(readings):
-    """Turn all voxels' measures, (4 n_voxels,), into readings in [0, 1], in place."""
-    for i in range(readings.shape[0]):  # no branch: it vectorises
-        sensor, value = i & 3, readings[i]
-        low = AREA_LOW if sensor == 0 else -SPEED
-        high = AREA_HIGH if sensor == 0 else SPEED
-        readings[i] = value if sensor == 1 else soft_normalise(value, low, high)
-
-
 @compiled
 def center_of_mass(masses):
     """Return a robot's centre of mass (x, y) [m] from its (n_masses, 5) rows, all of one weight."""
@@ -151,16 +230,3 @@ def center_of_mass(masses):
         x += masses[i, 0]
         y += masses[i, 1]
     return x / masses.shape[0], y / masses.shape[0]
-
-
-@compiled
-def add_noise(readings, noise):
-    """Add `noise`, (n_voxels, 4) or (0, 4), to the readings and clip them to [0, 1]."""
-    for i in range(noise.shape[0]):
-        for j in range(noise.shape[1]):
-            readings[i, j] = min(max(readings[i, j] + noise[i, j], 0.0), 1.0)
-
-
-def sample_windows(n_voxels: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return empty ring buffers for touch (n, TOUCH_WINDOW) and velocity (n, 2, ...)."""
-    return np.zeros((n_voxels, TOUCH_WINDOW)), np.zeros((n_voxels, 2, VELOCITY_WINDOW))

@@ -1,4 +1,4 @@
-"""One robot in pymunk: compiled code that steps its Munk2D space and reads its sensors.
+"""One robot in pymunk: compiled code that steps its Munk2D space and reads its bodies.
 
 `World` is what compiled code needs of them. `PymunkEngine` steps it from Python; whole episodes
 that are compiled take `move_disturbed`.
@@ -16,15 +16,8 @@ from sim_node.model.collision import touches_ground
 from sim_node.model.ground_polygons import polygon_rows
 from sim_node.model.material import Material
 from sim_node.model.morphology import Morphology
-from sim_node.model.sensors import (
-    MAX_AREA_RATIO,
-    N_SENSORS,
-    measure,
-    normalise,
-    outer_corners,
-    polygon_area,
-    sample_windows,
-)
+from sim_node.model.sensing import sense_robot
+from sim_node.model.sensors import outer_corners, polygon_area
 from sim_node.model.solver import Solver
 from sim_node.model.terrain import Terrain
 from sim_node.munk2d import c_functions as munk
@@ -43,7 +36,7 @@ class World(NamedTuple):
     dt: float  # physics step [s]
     substeps: int
     current_poses: bool  # bodies move at the end of a physics step, not at the start of the next
-    read_body: int  # addresses of the iterators that `sense` hands to Munk2D
+    read_body: int  # addresses of the iterators that `look` hands to Munk2D
     note_contact: int
     batch: int  # handle of the body reader
     filled: np.ndarray  # (1,) its fill count
@@ -56,9 +49,6 @@ class World(NamedTuple):
     corners: np.ndarray  # (n_voxels, 4, 2) outer corners [m]
     area_ratios: np.ndarray  # (n_voxels,)
     touching: np.ndarray  # (n_voxels,) 0.0 or 1.0
-    touches: np.ndarray  # ring buffers of the sensors
-    velocities: np.ndarray
-    readings: np.ndarray  # (n_voxels, 4) in [0, 1]
 
 
 @compiled
@@ -101,63 +91,45 @@ def _touches(world, voxel):
 
 
 @compiled
-def sense(world, step):
-    """Read the bodies and write sensor readings; return False if the physics diverged.
-
-    It has when a number is not finite or a voxel's area is a hundred times that at rest.
-    """
+def look(world):
+    """Read the bodies: masses, corners, area ratios, and which voxels touch the ground."""
     world.filled[0] = 0
     munk.space_each_body(world.space, world.read_body, world.batch)
     outer_corners(world.masses, world.half_side, world.corners.reshape(-1, 2))
-    for i in range(world.readings.shape[0]):
-        voxel = world.masses[4 * i : 4 * i + 4]
+    for i in range(world.area_ratios.shape[0]):
         world.area_ratios[i] = polygon_area(world.corners[i]) / world.rest_area
         world.touching[i] = 1.0 if _touches(world, i) else 0.0
-        measure(
-            voxel,
-            step,
-            world.touching[i],
-            world.area_ratios[i],
-            world.touches[i],
-            world.velocities[i],
-            world.readings[i],
-        )
-    normalise(world.readings.reshape(-1))
-    for i in range(world.area_ratios.shape[0]):
-        if not abs(world.area_ratios[i]) < MAX_AREA_RATIO:
-            return False
-    return bool(np.isfinite(world.readings.sum()))
 
 
 @compiled
-def move(world, actuation, step):
-    """Step the physics by `actuation` to control step `step`, and read the sensors.
+def move(world, actuation):
+    """Step the physics by (n_voxels,) `actuation`, clipped to [-1, 1], and read the bodies."""
+    set_rest_lengths(world, actuation)
+    for _ in range(world.substeps):
+        step_physics(world)
+    look(world)
+
+
+@compiled
+def move_disturbed(world, robot, actuation, step, disturbance, row):
+    """Move and read all sensors, as `Simulation.step` does with a body's faults and noise.
 
     Args:
-        actuation: (n_voxels,), clipped to [-1, 1].
+        robot: its sensors, a `sim_node.model.sensing.RobotSensing`.
+        actuation: written where actuators are broken.
+        step: number of the control step.
+        disturbance: what befalls the body in this step, in its row `row`.
 
     Returns:
         False if the physics diverged, else True.
     """
-    set_rest_lengths(world, actuation)
-    for _ in range(world.substeps):
-        step_physics(world)
-    return sense(world, step)
-
-
-@compiled
-def move_disturbed(world, actuation, step, disturbance, row):
-    """Do what `move` does, as `Simulation.step` does it with a body's faults and noise.
-
-    Args:
-        actuation: written where actuators are broken.
-        disturbance: what befalls the body in this step, in its row `row`.
-    """
     break_values(actuation, disturbance.actuators[row], world.actuation)
-    before = world.readings.copy() if disturbance.sensors.shape[1] > 0 else world.readings
-    finite = move(world, actuation, step)
-    disturb_readings(world.readings, before, disturbance, row)
-    return finite
+    readings = robot.readings
+    before = readings.copy() if disturbance.sensors.shape[1] > 0 else readings
+    move(world, actuation)
+    sane = sense_robot(robot, world.masses, world.area_ratios, world.touching, step)
+    disturb_readings(readings, before, disturbance, row)
+    return sane
 
 
 class PymunkEngine(Engine):
@@ -187,19 +159,19 @@ class PymunkEngine(Engine):
         self._polygons = polygon_rows(self._ground)
 
     def reset(self) -> None:
-        """Build a space with the robot at rest, and read its sensors."""
+        """Build a space with the robot at rest, and read its bodies."""
         self.world = self._new_world()
-        sense(self.world, 0)
+        look(self.world)
 
     def step(self, actuation: np.ndarray, step: int) -> bool:
-        """Apply (n_voxels,) `actuation` up to control step `step`; False if physics diverged."""
-        return move(self.world, actuation, step)
+        """Apply (n_voxels,) `actuation` up to control step `step`."""
+        move(self.world, actuation)
+        return True
 
     def _new_world(self) -> World:
         n, m = self._n_voxels, self._material
         space = Space(self._body, self._ground, m, self._solver)
         reader = munk.BodyReader(len(space.bodies))
-        touches, velocities = sample_windows(n)
         self.space, self._reader = space, reader  # keep alive what the handles point to
         return World(
             space=space.handle,
@@ -223,7 +195,4 @@ class PymunkEngine(Engine):
             corners=np.zeros((n, 4, 2)),
             area_ratios=np.zeros(n),
             touching=np.zeros(n),
-            touches=touches,
-            velocities=velocities,
-            readings=np.zeros((n, N_SENSORS)),
         )

@@ -28,6 +28,7 @@ _DEPENDENCIES = 'numba', 'llvmlite', 'numpy', 'pymunk'
 _NAME = re.compile(r'[0-9a-f]{16}')
 _USED, _DAY, _KEPT = 'used', 86_400.0, 30 * 86_400.0  # name of the stamp file; seconds
 _ROOT = Path(__file__).resolve().parents[2]  # the folder of the two packages
+_PACKAGES = 'sim_node', 'snca_ros'
 _SUM = hashlib.sha256().digest_size
 
 
@@ -124,11 +125,10 @@ def sources(root: Path) -> list[bytes]:
     Args:
         root: the folder of the packages.
     """
-    packages = root / 'sim_node', root / 'snca_ros'
     texts = {
         '.'.join(path.relative_to(root).with_suffix('').parts): path.read_bytes()
-        for package in packages
-        for path in package.rglob('*.py')
+        for package in _PACKAGES
+        for path in (root / package).rglob('*.py')
     }
     imports = {name: _imports(text) for name, text in texts.items()}
     needed, waiting = set[str](), [name for name in texts if _compiles(imports[name])]
@@ -160,6 +160,11 @@ def _imports(source: bytes) -> set[str]:
     return found
 
 
+def _outside(source: Path) -> bool:
+    """Tell whether a file lies outside the packages, so that its text is no part of the digest."""
+    return not any(source.is_relative_to(_ROOT / package) for package in _PACKAGES)
+
+
 class _Place:
     """The cache folder and source stamp of one function (numba's cache locator)."""
 
@@ -167,7 +172,7 @@ class _Place:
         source, module = Path(inspect.getfile(function)).resolve(), function.__module__
         self._line = function.__code__.co_firstlineno
         self._stamp = ''
-        if not source.is_relative_to(_ROOT):  # its text is not in the digest
+        if _outside(source):
             self._stamp = hashlib.sha256(source.read_bytes()).hexdigest()
             module += '-' + hashlib.sha256(str(source).encode()).hexdigest()[:16]
         self._path = os.path.join(str(folder()), module)
@@ -238,34 +243,41 @@ def _stamps(signature: Any) -> tuple[str, ...] | None:
             return None
         if kind.__module__ == '__main__':
             return None
-        if not source.is_relative_to(_ROOT):
+        if _outside(source):
             digest = hashlib.sha256(source.read_bytes()).hexdigest()
             found.append(f'{kind.__module__}.{kind.__qualname__} {digest}')
     return tuple(found)
 
 
 class CodeCache(FunctionCache):
-    """The cache of one function's compiled versions; it discards those that it cannot load."""
+    """The cache of one function's compiled versions; it discards those that it cannot load.
+
+    Versions for classes outside the packages are in files of their own: a process that cannot
+    import such a class could not read an index that names it.
+    """
 
     _impl_class = _Results
 
     def __init__(self, function: Any) -> None:
         super().__init__(function)
+        self._choose_file(())
+
+    def _choose_file(self, signature: Any) -> bool:
+        """Take the files for versions of such a signature; False if they are not to be kept."""
+        stamps = _stamps(signature)
+        if stamps is None:
+            return False
+        digest = hashlib.sha256('\n'.join(stamps).encode()).hexdigest()[:16]
         self._cache_file = _CheckedFiles(
             cache_path=self._cache_path,
-            filename_base=self._impl.filename_base,
+            filename_base=self._impl.filename_base + (f'.{digest}' if stamps else ''),
             source_stamp=self._impl.locator.get_source_stamp(),
         )
-
-    def _index_key(self, sig: Any, codegen: Any) -> tuple:
-        """Return the key of a version, made so that reading it imports no class from outside."""
-        kind, *rest = super()._index_key(sig, codegen)
-        stamps = _stamps(sig)
-        return (kind if stamps == () else repr(kind), *rest, stamps)
+        return True
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the compiled version for a signature; None if it is missing or damaged."""
-        if _stamps(sig) is None:
+        if not self._choose_file(sig):
             return None
         try:
             return super().load_overload(sig, target_context)
@@ -275,7 +287,7 @@ class CodeCache(FunctionCache):
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Write a compiled version to the cache; report on standard error if that fails."""
-        if _stamps(sig) is None:
+        if not self._choose_file(sig):
             return
         try:
             super().save_overload(sig, data)

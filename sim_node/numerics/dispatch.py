@@ -9,7 +9,7 @@ from typing import Any
 
 from numba.extending import overload
 
-INLINE = {'forceinline': True, 'error_model': 'numpy'}
+INLINED = {'forceinline': True, 'error_model': 'numpy'}
 """Options of an `overload` that is inlined into its callers, with IEEE arithmetic."""
 
 
@@ -31,7 +31,7 @@ def method(name: str, doc: str, default: Callable | None = None) -> Callable:
 
     call.__doc__ = doc
 
-    @overload(call, jit_options=INLINE)
+    @overload(call, jit_options=INLINED)
     def compiled_call(constants, *arguments):
         function: Any = getattr(constants.instance_class, name, default)
         return lambda constants, *arguments: function(constants, *arguments)  # noqa: PLW0108
@@ -56,7 +56,7 @@ def by_attribute(
 
     call.__doc__ = doc
 
-    @overload(call, jit_options=INLINE)
+    @overload(call, jit_options=INLINED)
     def compiled_call(constants, *arguments):
         function = choices[getattr(constants.instance_class, name, default)]
         return lambda constants, *arguments: function(constants, *arguments)  # noqa: PLW0108

@@ -4,7 +4,7 @@ from typing import Any
 
 from numba.extending import overload
 
-from sim_node.numerics.dispatch import INLINE
+from sim_node.numerics.dispatch import INLINED
 from sim_node.numerics.lanes import load, store
 
 
@@ -13,7 +13,7 @@ def load_each(arrays: Any, i: Any, j: Any) -> Any:
     raise NotImplementedError('compiled code only')
 
 
-@overload(load_each, jit_options=INLINE)
+@overload(load_each, jit_options=INLINED)
 def _load_each(arrays, i, j):
     if len(arrays) == 0:
         return lambda arrays, i, j: ()
@@ -25,7 +25,7 @@ def store_each(arrays: Any, i: Any, j: Any, values: Any) -> None:
     raise NotImplementedError('compiled code only')
 
 
-@overload(store_each, jit_options=INLINE)
+@overload(store_each, jit_options=INLINED)
 def _store_each(arrays, i, j, values):
     if len(arrays) == 0:
         return lambda arrays, i, j, values: None
@@ -42,7 +42,7 @@ def all_equal(mask: Any, lanes: Any, values: Any) -> Any:
     raise NotImplementedError('compiled code only')
 
 
-@overload(all_equal, jit_options=INLINE)
+@overload(all_equal, jit_options=INLINED)
 def _all_equal(mask, lanes, values):
     if len(lanes) == 0:
         return lambda mask, lanes, values: mask

@@ -37,7 +37,8 @@ def simulation_of(node: RosNode) -> Simulation:
     material, solver = Material(), Solver()
     if body := _body(options.controller, node.where()):
         options = replace(
-            options, morphology=body.morphology.grid_string, terrain=body.terrain
+            options, morphology=body.morphology.grid_string, terrain=body.terrain,
+            sensors=','.join(body.sensors),
         )
         material, solver = body.material, body.solver
     options = declare(node, sim_interface.WORLD, options)
@@ -47,7 +48,8 @@ def simulation_of(node: RosNode) -> Simulation:
     try:
         return Simulation(
             parse_morphology(options.morphology), options.terrain, material=material,
-            solver=solver, engine=options.engine, **vars(faults),
+            solver=solver, engine=options.engine,
+            sensors=tuple(options.sensors.split(',')), **vars(faults),
         )
     except InvalidInput as error:
         raise error.found_in(node.where()) from None

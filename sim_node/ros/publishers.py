@@ -39,7 +39,7 @@ class Broadcast:
         self._ground = topics.ground_markers(simulation.terrain.x, simulation.terrain.y)
         self._sensors = [
             (node.create_publisher(JointState, SENSORS.of(voxel), qos),
-             topics.sensors_format(voxel))
+             topics.sensors_format(voxel, simulation.sensors))
             for voxel in voxels
         ]
 
@@ -85,7 +85,7 @@ class Broadcast:
         """Publish each voxel's readings at the present step.
 
         Args:
-            readings: (n_voxels, 4).
+            readings: (n_voxels, n_sensors).
             episode: as from `sim_node.episode.new_episode`.
         """
         stamp = stamp_of_step(self._simulation.step_count)

@@ -8,7 +8,7 @@ from sim_node.model.body_faults import FaultsOfBody
 from sim_node.model.constants import Checked, choice, constant, flag, text_value
 from sim_node.model.material import Material
 from sim_node.model.morphology import DEFAULT_SHAPE
-from sim_node.model.sensors import SENSORS as READINGS
+from sim_node.model.sensors import DEFAULT_SENSORS
 from sim_node.model.solver import Solver
 from sim_node.model.terrain import DEFAULT_TERRAIN, TERRAIN_FORM
 from sim_node.ros.interface import DIAGNOSTICS, ROSOUT, NodeInterface, Parameters, Service, Topic
@@ -30,7 +30,8 @@ MARKERS = Topic(
 )
 SENSORS = Topic(
     'sensors', 'sensor_msgs/msg/JointState', _EACH_STEP,
-    f'readings of step k: stamp k; name = {", ".join(READINGS)}; position = readings in [0, 1]',
+    f'readings of step k: stamp k; name of each sensor, by default {", ".join(DEFAULT_SENSORS)}; '
+    'position = readings in [0, 1]',
     of_voxel=True,
 )
 ACTUATION = Topic(
@@ -50,13 +51,16 @@ class BodyOptions(Checked):
     """
 
     controller: str = text_value(
-        '', 'controller file with the defaults of morphology, terrain, material and solver',
-        'path of a file, .npz',
+        '', 'controller file with the defaults of morphology, terrain, sensors, material and '
+        'solver', 'path of a file, .npz',
     )
     morphology: str = text_value(
         DEFAULT_SHAPE, 'shape of the robot', 'name or grid, e.g. biped, comb-7x2, 1111-1001'
     )
     terrain: str = text_value(DEFAULT_TERRAIN, 'ground', TERRAIN_FORM)
+    sensors: str = text_value(
+        ','.join(DEFAULT_SENSORS), 'what each voxel senses', 'names separated by commas'
+    )
     engine: str = choice(DEFAULT_ENGINE, ENGINES, 'physics engine')
 
 

@@ -1,5 +1,7 @@
 """(ROS) The simulation's topics: QoS, and conversion of their messages to and from arrays."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from geometry_msgs.msg import Point
 from nav_msgs.msg import Odometry
@@ -14,7 +16,6 @@ from sim_node.control_time import step_of_stamp
 from sim_node.drawing import area_colors
 from sim_node.episode import EXAMPLE_EPISODE, check_frame, frame_of
 from sim_node.errors import InvalidInput
-from sim_node.model.sensors import SENSORS
 from sim_node.ros.cdr import WireFormat
 
 WORLD_FRAME = 'world'
@@ -65,9 +66,9 @@ def _joint_state_format(voxel: str, names: list[str]) -> WireFormat:
     return WireFormat(message, layout, {'position': numbers, 'episode': episode}, check)
 
 
-def sensors_format(voxel: str) -> WireFormat:
-    """Return the format of `<voxel>/sensors`; position = the four readings."""
-    return _joint_state_format(voxel, list(SENSORS))
+def sensors_format(voxel: str, sensors: Sequence[str]) -> WireFormat:
+    """Return the format of `<voxel>/sensors`: names of the sensors; position = their readings."""
+    return _joint_state_format(voxel, list(sensors))
 
 
 def actuation_format(voxel: str) -> WireFormat:

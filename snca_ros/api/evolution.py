@@ -68,6 +68,7 @@ def evolve(
     n_c: int | None = None,
     hidden: tuple[int, ...] | None = None,
     as_printed: bool | None = None,
+    sensors: tuple[str, ...] | None = None,
 ) -> EvolutionRun:
     """Evolve a robot, as `snca evolve` does; None stands for the default of that command.
 
@@ -90,7 +91,8 @@ def evolve(
         task: what the score of an episode is, one of `snca_ros.evolution.tasks.TASKS`. Worker
             processes know those of this project and of the modules named by SNCA_PLUGINS.
         duration, transient: of an episode [s], and what its score ignores at the start [s].
-        n_c, hidden, as_printed: of the cells, see `snca_ros.cell.architecture.Architecture`.
+        n_c, hidden, as_printed, sensors: of the cells, see
+            `snca_ros.cell.architecture.Architecture`.
 
     Raises:
         InvalidInput: a value is off, or the folder is in use, holds files, or another run.
@@ -102,7 +104,7 @@ def evolve(
         'terrain': terrain, 'evaluations': evaluations, 'seed': seed, 'engine': engine,
         'strategy': strategy, 'task': task, 'population': population, 'sigma': sigma,
         'duration': duration, 'transient': transient, 'physics': physics, 'n_c': n_c,
-        'hidden': hidden, 'as_printed': as_printed,
+        'hidden': hidden, 'as_printed': as_printed, 'sensors': sensors,
     }
     given = {name: value for name, value in given.items() if value is not None}
 

@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 
 from sim_node.errors import InvalidInput, check_keys, check_name
 from sim_node.model.morphology import DIRECTIONS
-from sim_node.model.sensors import SENSORS
+from sim_node.model.sensors import DEFAULT_SENSORS, check_sensors
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.cell.layers import n_parameters
 from snca_ros.cell.models import NEURON_MODELS, NeuronModel, printed_variant
@@ -40,7 +40,7 @@ class Architecture:
     n_c: int = None  # type: ignore[assignment]  # filled in below
     hidden: tuple[int, ...] = None  # type: ignore[assignment]
     as_printed: bool = False
-    sensors: tuple[str, ...] = SENSORS
+    sensors: tuple[str, ...] = DEFAULT_SENSORS
 
     def __post_init__(self) -> None:
         for name in ('uniform', 'directional', 'as_printed'):
@@ -49,12 +49,7 @@ class Architecture:
         NEURON_MODELS.find(self.neuron_model)
         if self.as_printed:
             printed_variant(NEURON_MODELS[self.neuron_model])
-        is_list = isinstance(self.sensors, (tuple, list)) and len(self.sensors) > 0
-        if not is_list or len({*map(str, self.sensors)}) != len(self.sensors):
-            raise InvalidInput('sensors', self.sensors, 'a list of names, each once')
-        for name in self.sensors:
-            check_name('sensors', name, SENSORS)
-        object.__setattr__(self, 'sensors', tuple(self.sensors))
+        object.__setattr__(self, 'sensors', check_sensors(self.sensors))
         if self.n_c is None:
             object.__setattr__(self, 'n_c', 1 if self.directional else 4)
         if not _is_size(self.n_c, _MAX_N_C):

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from sim_node.model.morphology import DEFAULT_SHAPE, SHAPES
+from sim_node.model.sensors import DEFAULT_SENSORS
 from sim_node.model.solver import Solver
 from snca_ros.cell.architecture import ARCHITECTURES, DEFAULT_ARCHITECTURE, Architecture
 from snca_ros.cell.models import DEFAULT_NEURON_MODEL, NEURON_MODELS
@@ -30,7 +31,7 @@ EXAMPLES = """
   snca evolve --terrain hilly-1-10-0 --strategy cma --workers 4
 """
 
-_OF_THE_CELL = ('n_c', 'hidden', 'as_printed')
+_OF_THE_CELL = ('n_c', 'hidden', 'as_printed', 'sensors')
 _OF_THE_RUN = (
     'terrain', 'evaluations', 'seed', 'population', 'sigma', 'duration', 'transient', 'engine',
     'strategy', 'task',
@@ -91,6 +92,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     new.add_argument('--hidden', help='hidden layer sizes, as 20 or 16,8, or 0 for none')
     new.add_argument('--as-printed', action='store_true', default=None,
                      help="the paper's printed equations where the authors' code differs")
+    new.add_argument('--sensors', help='what each voxel senses, names separated by commas '
+                     f'(default {",".join(DEFAULT_SENSORS)})')
     for name in _OF_THE_RUN:
         add_option(new, RunConfig, name, default=None)
     for name in _OF_THE_SOLVER:
@@ -109,6 +112,8 @@ def _new_config(args: argparse.Namespace) -> RunConfig:
     given = _given(args, (*named, *_OF_THE_CELL, *_OF_THE_RUN, *_OF_THE_SOLVER))
     if 'hidden' in given:
         given['hidden'] = _hidden_layers(given['hidden'])
+    if 'sensors' in given:
+        given['sensors'] = tuple(given['sensors'].split(','))
     return RunConfig.named(**given)
 
 
@@ -163,9 +168,11 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
 def _describe(config: RunConfig) -> str:
     cell = config.architecture
+    usual = cell.sensors == DEFAULT_SENSORS
+    sensors = '' if usual else f', sensors {", ".join(cell.sensors)}'
     return (
         f'{config.shape} on {config.terrain}, {cell.name} {cell.neuron_model}'
         f'{" as printed" if cell.as_printed else ""}, layers {cell.layer_sizes}, '
-        f'{config.n_parameters} parameters, seed {config.seed}, {config.engine} engine, '
+        f'{config.n_parameters} parameters{sensors}, seed {config.seed}, {config.engine} engine, '
         f'{config.solver.physics} physics, task {config.task}'
     )

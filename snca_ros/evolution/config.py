@@ -1,5 +1,6 @@
 """What one evolutionary run is: checked, and kept beside its results as config.yaml."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from sim_node.model.constants import check_declared, choice, constant, text_valu
 from sim_node.model.material import Material
 from sim_node.model.morphology import DEFAULT_SHAPE, parse_morphology
 from sim_node.model.physics import DEFAULT_PHYSICS, UNNAMED_PHYSICS
+from sim_node.model.sensors import DEFAULT_SENSORS
 from sim_node.model.solver import Solver
 from sim_node.model.terrain import DEFAULT_TERRAIN, TERRAIN_FORM, parse_terrain
 from sim_node.simulation import Simulation
@@ -70,6 +72,7 @@ class RunConfig:
         return Simulation(
             self.shape, self.terrain,
             material=self.material, solver=self.solver, engine=self.engine, push=push,
+            sensors=self.architecture.sensors,
         )
 
     def new_strategy(self) -> Strategy:
@@ -85,10 +88,14 @@ class RunConfig:
         Names from before there were two physics name none.
         """
         cell = self.architecture
-        usual = Architecture(cell.uniform, cell.directional, cell.neuron_model, cell.n_c)
+        usual = Architecture(
+            cell.uniform, cell.directional, cell.neuron_model, cell.n_c, sensors=cell.sensors
+        )
         parts = [self.shape, cell.name, cell.neuron_model]
         if cell.as_printed:
             parts.append('as-printed')
+        if cell.sensors != DEFAULT_SENSORS:
+            parts.append(f'sensors-{"+".join(cell.sensors)}')
         if cell.n_c != Architecture.named(cell.name, cell.neuron_model).n_c:
             parts.append(f'n_c{cell.n_c}')
         if cell.hidden != usual.hidden:
@@ -139,17 +146,20 @@ class RunConfig:
         n_c: int | None = None,
         hidden: tuple[int, ...] | None = None,
         as_printed: bool = False,
+        sensors: Sequence[str] = DEFAULT_SENSORS,
         **settings: Any,
     ) -> 'RunConfig':
         """Return the run of cells and a physics that are given by name.
 
         Args:
             shape, settings: as of `RunConfig`.
-            architecture, neuron_model, n_c, hidden, as_printed: as of `Architecture.named`.
+            architecture, neuron_model, n_c, hidden, as_printed, sensors: as of
+                `Architecture.named`.
             physics: one of `sim_node.model.physics.PHYSICS`.
         """
         cell = Architecture.named(
-            architecture, neuron_model, n_c=n_c, hidden=hidden, as_printed=as_printed
+            architecture, neuron_model, n_c=n_c, hidden=hidden, as_printed=as_printed,
+            sensors=sensors,
         )
         return cls(shape, cell, solver=Solver(physics=physics), **settings)
 

@@ -51,7 +51,7 @@ def record(records, k):
 
 
 @compiled
-def _walk(world, cells, neighbors, n_steps, disturbance, faults, centers, records):
+def _walk(world, robot, cells, neighbors, n_steps, disturbance, faults, centers, records):
     """Run a whole episode; write `centers` (n_steps + 1, 2); return the steps that were sane.
 
     Without `faults` or `records`, None, what they cost is not even compiled.
@@ -60,10 +60,10 @@ def _walk(world, cells, neighbors, n_steps, disturbance, faults, centers, record
     centers[0] = center_of_mass(world.masses)
     for k in range(n_steps):
         if faults is None:
-            step_all(cells, neighbors, world.readings, k, actuation)
+            step_all(cells, neighbors, robot.readings, k, actuation)
         else:
-            step_all_faulty(cells, neighbors, world.readings, k, actuation, faults, k)
-        if not move_disturbed(world, actuation, k + 1, disturbance, k):
+            step_all_faulty(cells, neighbors, robot.readings, k, actuation, faults, k)
+        if not move_disturbed(world, robot, actuation, k + 1, disturbance, k):
             return k
         centers[k + 1] = center_of_mass(world.masses)
         if records is not None:
@@ -127,6 +127,7 @@ def run_compiled(
     recorded = Records.of((getattr(simulation.world, name) for name in records), n_steps)
     done = _walk(
         simulation.world,
+        simulation.sensing,
         controller.cells.state,
         controller.neighbors,
         n_steps,

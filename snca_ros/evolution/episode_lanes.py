@@ -15,20 +15,20 @@ from snca_ros.evolution.tasks import check_task
 
 
 @compiled
-def _walk(group, cells, centers, done, records):
+def _walk(group, sensing, cells, centers, done, records):
     """Run whole episodes; write `centers` (n_steps + 1, 2, W) and the steps `done` (W,).
 
     Without `records`, None, what they cost is not even compiled.
     """
     _write_centers(group.mass_lanes, centers[0])
     for k in range(centers.shape[0] - 1):
-        step_group(cells, group.readings, k, group.actuation)
-        advance_group(group, k + 1)
+        step_group(cells, sensing.readings, k, group.actuation)
+        advance_group(group, sensing, k + 1)
         _write_centers(group.mass_lanes, centers[k + 1])
         if records is not None:
             record(records, k)
         for lane in range(done.shape[0]):
-            if done[lane] == k and group.sane_lanes[0, 0, lane] > 0.0:
+            if done[lane] == k and sensing.sane_lanes[0, 0, lane] > 0.0:
                 done[lane] = k + 1
 
 
@@ -67,7 +67,7 @@ def run_episodes(
     Returns:
         An episode per controller; each is the same, to the bit, whatever the others are.
     """
-    width = robots.group.reading_lanes.shape[2]
+    width = robots.sensing.reading_lanes.shape[2]
     n_steps = round(duration * CONTROL_RATE)
     cells = make_cells(architecture, morphology, thetas, width)
     centers = np.empty((n_steps + 1, 2, width))
@@ -75,7 +75,7 @@ def run_episodes(
     robots.reset(push)
     lanes = (getattr(robots.group, name)['lane'][:, 0] for name in records)
     recorded = Records.of(lanes, n_steps)
-    _walk(robots.group, cells, centers, done, recorded)
+    _walk(robots.group, robots.sensing, cells, centers, done, recorded)
     robots.step_count = n_steps
     rows = recorded.rows if recorded else ()
     return [
@@ -107,7 +107,8 @@ class SideBySide:
         config, morphology = self._config, self._morphology
         if width not in self._robots:
             self._robots[width] = Robots(
-                morphology, self._terrain, config.material, config.solver, width
+                morphology, self._terrain, config.material, config.solver, width,
+                sensors=config.architecture.sensors,
             )
         return run_episodes(
             self._robots[width], config.architecture, morphology, thetas, duration, push,

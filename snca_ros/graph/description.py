@@ -180,6 +180,7 @@ def _simulation_parameters(
 ) -> dict[str, object]:
     return {
         'morphology': trained.morphology.grid_string,
+        'sensors': ','.join(trained.architecture.sensors),
         'terrain': options.terrain or trained.terrain,
         'engine': options.engine or DEFAULT_ENGINE,
         'duration': float(options.duration),

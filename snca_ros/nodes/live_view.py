@@ -19,7 +19,7 @@ from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.controller_file import TrainedController
 from snca_ros.nodes.cell_messages import CellMessages, topic_name
 from snca_ros.nodes.interfaces import VIEW_NODE, VIEW_RATE
-from snca_ros.recording.gait import area_ratios
+from snca_ros.recording.gait import area_ratios, readings_of
 
 PERIOD = 1.0 / VIEW_RATE
 """Seconds of wall time between frames."""
@@ -44,11 +44,14 @@ class ViewNode(RosNode):
         super().__init__(VIEW_NODE.name, namespace=f'/{robot}', enable_rosout=False)
         self._tell = tell
         voxels, qos = trained.morphology.voxel_names, topics.stream_qos()
+        self._names = trained.architecture.sensors
         self._voxels = voxels
         topic = topic_name(trained.architecture)
         self._odometry_wire = topics.odometry_format(trained.morphology.grid_string)
         self._robot = topics.RobotMarkers(len(voxels))
-        self._sensors = [topics.sensors_format(voxel) for voxel in voxels]
+        self._sensors = [
+            topics.sensors_format(voxel, self._names) for voxel in voxels
+        ]
         self._actuation = [topics.actuation_format(voxel) for voxel in voxels]
         self._messages = [CellMessages(trained.architecture, voxel) for voxel in voxels]
         self._odometry_box = self.create_mailbox(Odometry, ODOMETRY.name, qos)
@@ -100,13 +103,17 @@ class ViewNode(RosNode):
         for i, (sensors, actuation, messages) in enumerate(zip(*self._boxes.values(), strict=True)):
             voxel = self._voxels[i]
             for readings in self._read(f'{voxel}/sensors', sensors, partial(self._sensed, i)):
-                frame['area'][i] = round(float(area_ratios(readings[np.newaxis])[0]), _DIGITS)
-                frame['touch'][i] = round(float(readings[1]), _DIGITS)
+                frame['area'][i], frame['touch'][i] = self._shown(readings)
             for a in self._read(f'{voxel}/actuation', actuation, partial(self._acted, i)):
                 frame['actuation'][i] = a
             said += self._read(f'{voxel}/messages', messages, partial(self._said, i))
         if 'step' in frame and 'corners' in frame:
             self._tell({**frame, 'said': said})
+
+    def _shown(self, readings: np.ndarray) -> list[float | None]:
+        """Return area ratio and touch of a voxel from its readings; None where it has no sensor."""
+        numbers = (area_ratios(readings, self._names), readings_of('touch', readings, self._names))
+        return [round(float(n), _DIGITS) if np.isfinite(n) else None for n in numbers]
 
     def _read(
         self, topic: str, take: Callable[[], list[bytes]], read: Callable[[bytes], Any]

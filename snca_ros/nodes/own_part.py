@@ -8,7 +8,6 @@ import numpy as np
 
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import DIRECTIONS
-from sim_node.model.sensors import N_SENSORS
 from sim_node.numerics.jit import warm_up
 from snca_ros.cell.architecture import Architecture
 from snca_ros.cell.cells import Cells
@@ -78,7 +77,8 @@ def load_own_part(path: str, voxel: str, faults: Faults, where: str) -> OwnPart:
     n_voxels = trained.morphology.n_voxels
     weights = weights_of(trained.architecture, trained.theta, n_voxels, index)
     cells = Cells(trained.architecture, weights[np.newaxis])
-    warm_up('cell', lambda: cells.step_cell(0, np.zeros(N_SENSORS), cells.silence(), 0))
+    readings = np.zeros(len(trained.architecture.sensors))
+    warm_up('cell', lambda: cells.step_cell(0, readings, cells.silence(), 0))
     return OwnPart(
         trained.architecture, cells, VoxelFaults(of_cells, index), trained.solver.physics
     )

@@ -69,7 +69,7 @@ class VoxelNode(RosNode):
     def _make_topics(self) -> None:
         qos, queue = topics.stream_qos(), topics.stream_qos(topics.QUEUE)
         voxel, topic = self._voxel, topic_name(self._architecture)
-        self._sensors_wire = topics.sensors_format(voxel)
+        self._sensors_wire = topics.sensors_format(voxel, self._architecture.sensors)
         self._actuation_wire = topics.actuation_format(voxel)
         self._messages = CellMessages(self._architecture, voxel)
         self._messages_out = self.create_publisher(Image, f'{voxel}/{topic}', qos)

@@ -112,7 +112,7 @@ class VoxelCore:
         Args:
             episode: name of their episode.
             step: control step k.
-            readings: (4,) in [0, 1].
+            readings: (n_sensors,) in [0, 1].
             now: the time [s].
 
         Raises:

@@ -9,7 +9,7 @@ import numpy as np
 
 from sim_node.episode import UNKNOWN_PHYSICS, physics_of_episode
 from sim_node.errors import InvalidInput
-from sim_node.model.sensors import N_SENSORS
+from sim_node.model.sensors import DEFAULT_SENSORS
 from snca_ros.recording.diagnostics import NodeHealth, read_health
 from snca_ros.recording.poses import read_poses
 from snca_ros.recording.recording import Recording, TopicCount
@@ -129,7 +129,7 @@ def _absent_topics(
 
 
 def _arrays(robot: str, streams: dict[str, Stream]) -> dict[str, Any]:
-    """Return the arrays of a `Recording`, and the names of its voxels."""
+    """Return the arrays of a `Recording`, and the names of its voxels and sensors."""
     n_steps = _n_steps(streams)
     voxels = _voxel_names(streams)
     if not voxels:
@@ -161,8 +161,13 @@ def _arrays(robot: str, streams: dict[str, Stream]) -> dict[str, Any]:
             spikes = table(kind, shapes.pop(), 0.0).astype(np.uint8)
         elif shapes:
             values = table(kind, shapes.pop())[..., 0]
+    named = {stream.fields for stream in streams_of('sensors').values()} or {DEFAULT_SENSORS}
+    if len(named) > 1:
+        raise InvalidInput('sensors', sorted(map(list, named)), 'the same names in all voxels')
+    sensors = named.pop()
     return {
-        'voxel_names': voxels, 'centers': centers, 'readings': table('sensors', (N_SENSORS,)),
+        'voxel_names': voxels, 'centers': centers, 'sensors': sensors,
+        'readings': table('sensors', (len(sensors),)),
         'actuation': table('actuation', (1,))[..., 0], 'spikes': spikes, 'values': values,
         'heard': heard,
     }

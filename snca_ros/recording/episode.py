@@ -7,6 +7,7 @@ import numpy as np
 
 from sim_node.control_time import CONTROL_RATE
 from sim_node.errors import InvalidInput, check_name
+from sim_node.model.sensors import DEFAULT_SENSORS
 from snca_ros.evolution.episode import Episode
 
 RECORDABLE = ('readings', 'actuation', 'spikes', 'values', 'corners', 'thresholds')
@@ -25,11 +26,13 @@ class RecordedEpisode(Episode):
         name: of the robot.
         voxel_names: in the order of all arrays, row by row from the bottom.
         recorded: the arrays that were asked for, by name; they are attributes, too.
+        sensors: names of the readings, in their order.
     """
 
     name: str
     voxel_names: tuple[str, ...]
     recorded: Mapping[str, np.ndarray | None]
+    sensors: tuple[str, ...] = DEFAULT_SENSORS
 
     @property
     def times(self) -> np.ndarray:
@@ -46,9 +49,9 @@ class RecordedEpisode(Episode):
 
     @property
     def readings(self) -> np.ndarray:
-        """Return what the voxels' sensors read, (n_steps + 1, n_voxels, 4) in [0, 1].
+        """Return what the voxels' sensors read, (n_steps + 1, n_voxels, n_sensors) in [0, 1].
 
-        The columns are `sim_node.model.sensors.SENSORS`.
+        The columns are `sensors`.
         """
         return self._array('readings')
 

@@ -55,7 +55,7 @@ def _draw_trajectory(axes: Axes, recording: Recording) -> None:
 
 
 def _draw_areas(axes: Axes, recording: Recording, first: int) -> None:
-    ratios = area_ratios(recording.readings[first:])
+    ratios = area_ratios(recording.readings[first:], recording.sensors)
     image = _draw_rows(axes, ratios, first, 1.0 - _AREA_RANGE, 1.0 + _AREA_RANGE)
     axes.figure.colorbar(image, ax=axes, label='area / area at rest', extend='both', pad=0.01)
     axes.set_yticks(range(ratios.shape[1]), recording.voxel_names, fontsize=8)

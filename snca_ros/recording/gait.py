@@ -1,20 +1,20 @@
 """How a robot walked: velocity, rhythm and firing rates of a recording."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from sim_node.control_time import CONTROL_RATE
+from sim_node.model.sensors import DEFAULT_SENSORS, SENSORS
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.evolution.episode import TRANSIENT, mean_velocity
 
 VIBRATION = 8.0
 """Frequency [Hz] above which actuation counts as vibration: a voxel contracts and expands again in
 less than 7.5 control steps."""
-
-_AREA_LOW, _AREA_HIGH = 0.5, 1.5  # range of the area reading's soft normalisation
 
 
 class Walk(Protocol):
@@ -195,18 +195,33 @@ def _swings(power: np.ndarray, n_steps: int) -> np.ndarray:
     return power.max(axis=0) > (1e-9 * n_steps) ** 2
 
 
-def area_ratios(readings: np.ndarray) -> np.ndarray:
-    """Return the voxels' area over area at rest from their readings, (n_steps, n_voxels).
-
-    The inverse of the sensor's soft normalisation; a reading at the very end of its range stands
-    for all beyond it.
+def readings_of(sensor: str, readings: np.ndarray, sensors: Sequence[str]) -> np.ndarray:
+    """Return the readings of one sensor, (...); NaN if the voxels have no such sensor.
 
     Args:
-        readings: (n_steps, n_voxels, 4).
+        sensor: its name.
+        readings: (..., n_sensors).
+        sensors: names of all, in the order of the readings.
     """
-    inside = np.clip(readings[..., 0], 1e-12, 1.0 - 1e-12)
+    if sensor not in sensors:
+        return np.full(readings.shape[:-1], np.nan)
+    return readings[..., list(sensors).index(sensor)]
+
+
+def area_ratios(readings: np.ndarray, sensors: Sequence[str] = DEFAULT_SENSORS) -> np.ndarray:
+    """Return the voxels' area over area at rest from their readings, (...).
+
+    The inverse of the sensor's soft normalisation; a reading at the very end of its range stands
+    for all beyond it. NaN if the voxels have no sensor of their area.
+
+    Args:
+        readings: (..., n_sensors).
+        sensors: names of all, in the order of the readings.
+    """
+    inside = np.clip(readings_of('area', readings, sensors), 1e-12, 1.0 - 1e-12)
     u = (np.arctanh(2.0 * inside - 1.0) / 2.0 + 1.0) / 2.0
-    return _AREA_LOW + (_AREA_HIGH - _AREA_LOW) * u
+    low, high = SENSORS['area'].low, SENSORS['area'].high
+    return low + (high - low) * u
 
 
 def spike_times(spikes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

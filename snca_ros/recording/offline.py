@@ -7,7 +7,6 @@ import numpy as np
 
 from sim_node.control_time import CONTROL_RATE
 from sim_node.errors import InvalidInput
-from sim_node.model.sensors import N_SENSORS
 from sim_node.simulation import Diverged, Simulation
 from snca_ros.controller import Controller
 from snca_ros.controller_file import TrainedController
@@ -60,6 +59,7 @@ def record_offline(
         heard=_longer(episode.heard, False),
         rate=math.nan, counts=(), health={},
         poses=Poses(steps, episode.corners, ground), physics=trained.solver.physics,
+        sensors=simulation.sensors,
     )
     return recording, None if thresholds is None else _longer(thresholds, np.nan)
 
@@ -97,7 +97,7 @@ def record_episode(
     names = simulation.morphology.voxel_names
     return RecordedEpisode(
         centers, diverged, name or simulation.morphology.name, names,
-        {key: arrays.get(key) for key in record},
+        {key: arrays.get(key) for key in record}, simulation.sensors,
     )
 
 
@@ -108,7 +108,7 @@ def _recorded(
     cell, n_voxels = controller.architecture, simulation.morphology.n_voxels
     channels = cell.n_destinations * cell.n_c
     shapes: dict[str, tuple] = {  # of a row, and its type
-        'readings': ((n_voxels, N_SENSORS), np.float64),
+        'readings': (simulation.readings.shape, np.float64),
         'corners': ((n_voxels, 4, 2), np.float64),
         'actuation': ((n_voxels,), np.float64),
     }

@@ -7,6 +7,7 @@ import numpy as np
 
 from sim_node.control_time import CONTROL_RATE
 from sim_node.model.physics import UNNAMED_PHYSICS
+from sim_node.model.sensors import DEFAULT_SENSORS
 from snca_ros.recording.diagnostics import NodeHealth
 from snca_ros.recording.gait import walked_velocity
 from snca_ros.recording.poses import Poses
@@ -57,7 +58,7 @@ class Recording:
         episode, n_episodes: which one this is, from 0, of how many; a reset starts a new one.
         voxel_names: in the morphology's order, row by row from the bottom.
         centers: (n_steps, 2) centre of mass x, y [m].
-        readings: (n_steps, n_voxels, 4) in [0, 1].
+        readings: (n_steps, n_voxels, n_sensors) in [0, 1].
         actuation: (n_steps, n_voxels) in [-1, 1].
         spikes: (n_steps, n_voxels, n_channels, 16) uint8 0 or 1; None if the cells send none.
         values: (n_steps, n_voxels, n_channels) in [-1, 1]; None if the cells send none.
@@ -70,6 +71,7 @@ class Recording:
         poses: what the robot looked like; None if the bag has no markers.
         physics: by which the body moved, one of `sim_node.model.physics.PHYSICS`, or
             `sim_node.episode.UNKNOWN_PHYSICS`.
+        sensors: names of the readings, in their order.
     """
 
     path: Path
@@ -89,6 +91,7 @@ class Recording:
     health: dict[str, NodeHealth]
     poses: Poses | None = None
     physics: str = UNNAMED_PHYSICS
+    sensors: tuple[str, ...] = DEFAULT_SENSORS
 
     @property
     def n_steps(self) -> int:

@@ -12,7 +12,6 @@ from rosbags.typesys import Stores, get_typestore
 from sim_node.control_time import step_of_stamp
 from sim_node.episode import episode_of
 from sim_node.errors import InvalidInput
-from sim_node.model.sensors import N_SENSORS
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.recording.storage import Topic
 
@@ -27,6 +26,7 @@ class Stream:
         numbers: (n, ...) what they say.
         names: (n,) bytes, of the simulation's episode in their frame; empty if there is none.
         refused: messages besides that are not what they should be; the nodes did not use them.
+        fields: names of the numbers, where messages tell them.
     """
 
     steps: np.ndarray
@@ -34,6 +34,7 @@ class Stream:
     numbers: np.ndarray
     names: np.ndarray
     refused: int = 0
+    fields: tuple[str, ...] = ()
 
     @classmethod
     def empty(cls, kind: 'Kind') -> 'Stream':
@@ -63,7 +64,8 @@ class Stream:
         steps, first = np.unique(self.steps[mine], return_index=True)
         kept = mine[first]
         return Stream(
-            steps, self.times[kept], self.numbers[kept], self.names[kept], self.refused
+            steps, self.times[kept], self.numbers[kept], self.names[kept], self.refused,
+            self.fields,
         )
 
     def until(self, step: int) -> 'Stream':
@@ -71,7 +73,7 @@ class Stream:
         kept = self.steps <= step
         return Stream(
             self.steps[kept], self.times[kept], self.numbers[kept], self.names[kept],
-            self.refused + int((~kept).sum()),
+            self.refused + int((~kept).sum()), self.fields,
         )
 
 
@@ -83,6 +85,7 @@ class Kind:
     read: Callable[[Any], object]
     shape: tuple[int, ...]  # of the numbers; -1: any, but the same in all messages
     of_voxel: bool = True  # its frame is the voxel's
+    named: bool = False  # its field `name` names the numbers
 
 
 def decode(name: str, topic: Topic, kind: str) -> Stream:
@@ -97,32 +100,36 @@ def decode(name: str, topic: Topic, kind: str) -> Stream:
     expected = KINDS[kind]
     if topic.type != expected.type:
         raise InvalidInput(f'type of {name}', topic.type, expected.type)
-    found: list[tuple[int, int, np.ndarray, bytes]] = []
+    found: list[tuple[int, int, np.ndarray, bytes, tuple[str, ...]]] = []
     reason: Exception | None = None
     for time, data in zip(topic.times.tolist(), topic.messages, strict=True):
         try:
-            step, numbers, episode = _read(name, expected, data)
+            step, numbers, episode, fields = _read(name, expected, data)
         except Exception as error:  # whatever rosbags and numpy say about bytes of another layout
             reason = error
         else:
-            found.append((step, time, numbers, episode))
+            found.append((step, time, numbers, episode, fields))
     if not found and reason is not None:
         text = ' '.join(str(reason).split())
         raise InvalidInput(name, text, f'{topic.type} of shape {expected.shape}')
-    shapes = Counter(numbers.shape for _, _, numbers, _ in found)
-    shape = shapes.most_common(1)[0][0] if shapes else tuple(np.maximum(expected.shape, 0))
-    good = [entry for entry in found if entry[2].shape == shape]
+    layouts = Counter((numbers.shape, fields) for _, _, numbers, _, fields in found)
+    none = tuple(np.maximum(expected.shape, 0)), ()
+    shape, fields = layouts.most_common(1)[0][0] if layouts else none
+    good = [entry for entry in found if (entry[2].shape, entry[4]) == (shape, fields)]
     return Stream(
         np.array([step for step, *_ in good], dtype=np.int64),
         np.array([time for _, time, *_ in good], dtype=np.int64),
-        np.array([numbers for _, _, numbers, _ in good]).reshape(len(good), *shape),
-        np.array([episode for *_, episode in good], dtype='S'),
+        np.array([numbers for _, _, numbers, *_ in good]).reshape(len(good), *shape),
+        np.array([episode for *_, episode, _ in good], dtype='S'),
         len(topic.messages) - len(good),
+        fields,
     )
 
 
-def _read(name: str, kind: Kind, data: bytes) -> tuple[int, np.ndarray, bytes]:
-    """Return step, numbers and the name of the episode; some exception if a message is wrong."""
+def _read(
+    name: str, kind: Kind, data: bytes
+) -> tuple[int, np.ndarray, bytes, tuple[str, ...]]:
+    """Return step, numbers, the episode's name and those of the numbers; raise if one is wrong."""
     message = _types().deserialize_cdr(data, kind.type)
     stamp = message.clock if kind is KINDS['clock'] else message.header.stamp
     voxel = name.split('/')[-2]
@@ -136,8 +143,11 @@ def _read(name: str, kind: Kind, data: bytes) -> tuple[int, np.ndarray, bytes]:
         raise InvalidInput('shape', numbers.shape, str(kind.shape))
     if not np.isfinite(numbers).all():
         raise InvalidInput('numbers', 'one that is not finite', 'finite numbers')
+    fields = tuple(message.name) if kind.named else ()
+    if kind.named and len({*fields}) != len(numbers):
+        raise InvalidInput('name', fields, f'{len(numbers)} names')
     episode = episode_of(message.header.frame_id) if kind.of_voxel else b''
-    return step_of_stamp(stamp.sec, stamp.nanosec), numbers, episode
+    return step_of_stamp(stamp.sec, stamp.nanosec), numbers, episode, fields
 
 
 @functools.cache
@@ -165,7 +175,7 @@ KINDS = {
         of_voxel=False,
     ),
     'clock': Kind('rosgraph_msgs/msg/Clock', lambda m: (), (0,), of_voxel=False),
-    'sensors': Kind('sensor_msgs/msg/JointState', lambda m: m.position, (N_SENSORS,)),
+    'sensors': Kind('sensor_msgs/msg/JointState', lambda m: m.position, (-1,), named=True),
     'actuation': Kind('sensor_msgs/msg/JointState', lambda m: m.position, (1,)),
     'spikes': Kind('sensor_msgs/msg/Image', _spikes, (-1, SNN_STEPS)),
     'values': Kind('sensor_msgs/msg/Image', lambda m: _pixels(m, '64FC1', np.float64), (-1, 1)),

@@ -81,7 +81,8 @@ def film_recording(recording: Recording, moments: np.ndarray) -> Film:
     corners, steps = poses.corners[shown], poses.steps[shown]
     if not (np.abs(corners) < _FAR).all() or not (np.abs(poses.ground) < _FAR).all():
         raise InvalidInput('markers', 'points far away or nowhere', f'within {_FAR:g} m')
-    colors = area_colors(area_ratios(bridge_gaps(recording.readings)[steps]))
+    ratios = area_ratios(bridge_gaps(recording.readings)[steps], recording.sensors)
+    colors = area_colors(ratios if 'area' in recording.sensors else np.ones(ratios.shape))
     return Film(
         wanted / CONTROL_RATE, bridge_gaps(recording.centers)[steps], corners, colors,
         Terrain('recorded', *poses.ground.T),

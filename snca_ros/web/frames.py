@@ -9,7 +9,7 @@ import numpy as np
 from sim_node.control_time import CONTROL_RATE
 from sim_node.errors import InvalidInput
 from snca_ros.recording.bag import Recording
-from snca_ros.recording.gait import area_ratios, bridge_gaps
+from snca_ros.recording.gait import area_ratios, bridge_gaps, readings_of
 from snca_ros.recording.poses import Poses
 
 FRAME_STEPS = 2
@@ -101,15 +101,17 @@ def make_frames(recording: Recording, thresholds: np.ndarray | None = None) -> F
         raise InvalidInput('markers', None, expected, str(recording.path))
     stride = FRAME_STEPS * -(-recording.n_steps // (FRAME_STEPS * MAX_FRAMES))
     at = np.arange(0, recording.n_steps, stride)
-    centers = bridge_gaps(recording.centers)
+    centers, readings = bridge_gaps(recording.centers), recording.readings[at]
     arrays = {
         'x': Packed(centers[at, 0].astype(np.float32)),
         'y': Packed(centers[at, 1].astype(np.float32)),
         'corners': Packed.fitting(_shapes(recording.poses, centers, at)),
         'v_x': Packed.fitting(_velocity(centers[:, 0])[at]),
         **_messages(recording, at),
-        'area': Packed.between(area_ratios(recording.readings[at]), 0.5, 1.5),
-        'touch': Packed.between(recording.readings[at, :, 1], 0.0, 1.0),
+        'area': Packed.between(area_ratios(readings, recording.sensors), 0.5, 1.5),
+        'touch': Packed.between(
+            readings_of('touch', readings, recording.sensors), 0.0, 1.0
+        ),
         'actuation': Packed.between(recording.actuation[at], -1.0, 1.0),
     }
     if thresholds is not None:

@@ -25,6 +25,7 @@ from nav_msgs.msg import Odometry  # noqa: E402
 
 from sim_node.control_time import step_of_stamp  # noqa: E402
 from sim_node.model.morphology import parse_morphology  # noqa: E402
+from sim_node.model.sensors import DEFAULT_SENSORS  # noqa: E402
 from sim_node.ros.topics import stream_qos  # noqa: E402
 from sim_node.simulation import Simulation  # noqa: E402
 from snca_ros.cell.architecture import Architecture  # noqa: E402
@@ -91,9 +92,10 @@ def make_controller(tmp_path):
 
     def make(
         shape: str = '11-10', name: str = 'U-nD', model: str = 'snn-h', seed: int = 0,
-        **options: object,
+        sensors: tuple[str, ...] = DEFAULT_SENSORS, **options: object,
     ) -> Path:
-        morphology, architecture = parse_morphology(shape), Architecture.named(name, model)
+        morphology = parse_morphology(shape)
+        architecture = Architecture.named(name, model, sensors=sensors)
         rng = np.random.default_rng(seed)
         theta = rng.uniform(-1.0, 1.0, architecture.n_parameters(morphology.n_voxels))
         path = tmp_path / f'{shape}-{name}-{model}-{seed}.npz'

@@ -15,7 +15,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from sim_node.control_time import stamp_of_step
 from sim_node.drawing import area_colors
 from sim_node.errors import InvalidInput
-from sim_node.model.sensors import SENSORS
+from sim_node.model.sensors import DEFAULT_SENSORS
 from sim_node.ros import topics
 from snca_ros.cell.architecture import Architecture
 from snca_ros.nodes.cell_messages import CellMessages
@@ -39,16 +39,19 @@ def strict(data, name):
 
 @given(STEPS, st.lists(UNIT, min_size=4, max_size=4))
 def test_sensors_are_what_rclpy_reads(step, values):
-    data = topics.sensors_format('voxel_3_1').encode(
+    wire = topics.sensors_format('voxel_3_1', DEFAULT_SENSORS)
+    data = wire.encode(
         stamp_of_step(step), position=np.array(values), episode=EPISODE
     )
     message = deserialize_message(data, JointState)
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == stamp_of_step(step)
     assert message.header.frame_id == 'voxel_3_1@0123abcd'
-    assert tuple(message.name) == SENSORS
+    assert tuple(message.name) == DEFAULT_SENSORS
     assert message.position.tolist() == values
     assert strict(data, 'sensor_msgs/msg/JointState').position.tolist() == values
-    read = topics.read_joint_state(topics.sensors_format('voxel_3_1'), data, 0.0, 1.0)
+    read = topics.read_joint_state(
+        topics.sensors_format('voxel_3_1', DEFAULT_SENSORS), data, 0.0, 1.0
+    )
     assert read[:2] == (b'0123abcd', step)
     assert read[2].tolist() == values
 
@@ -121,7 +124,7 @@ def test_damaged_messages_are_refused_or_harmless(kind, data):
 
 
 def test_stamps_out_of_step_and_bad_numbers_are_named():
-    wire = topics.sensors_format('voxel_0_0')
+    wire = topics.sensors_format('voxel_0_0', DEFAULT_SENSORS)
     for stamp, values, expected in (
         ((0, 1), [0.5] * 4, 'stamp'),
         ((-1, 0), [0.5] * 4, 'stamp'),
@@ -141,7 +144,7 @@ def test_stamps_out_of_step_and_bad_numbers_are_named():
     ):
         ours = Header(frame_id='voxel_0_0@0123abcd')
         message = JointState(
-            **{'header': ours, 'name': list(SENSORS), 'position': [0.5] * 4, **changed}
+            **{'header': ours, 'name': list(DEFAULT_SENSORS), 'position': [0.5] * 4, **changed}
         )
         with pytest.raises(InvalidInput, match=expected):
             topics.read_joint_state(wire, serialize_message(message), 0.0, 1.0)

@@ -357,11 +357,11 @@ def test_a_pushed_start_is_near_and_another_walk(engine):
 
 def test_a_pushed_start_is_the_same_in_both_engines_and_after_a_reset():
     one, other = (Simulation('comb', 'hilly-1-10-0', engine=e, push=3) for e in ENGINES)
-    start, readings = one.world.masses.copy(), one.world.readings.copy()
+    start, readings = one.world.masses.copy(), one.readings.copy()
     assert np.array_equal(other.world.masses, start)
-    np.testing.assert_allclose(other.world.readings, readings, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(other.readings, readings, rtol=0.0, atol=1e-12)
     for simulation in (one, other):
-        before = simulation.world.readings.copy()
+        before = simulation.readings.copy()
         run(simulation, 0.5, 1.0)
         assert np.array_equal(simulation.reset(), before)
         assert np.array_equal(simulation.world.masses, start)

@@ -10,6 +10,7 @@ from sim_node.batched.engine import BatchedEngine
 from sim_node.engine import ENGINES, Engine, check_engine
 from sim_node.errors import InvalidInput
 from sim_node.model.body import build_body
+from sim_node.model.sensors import soft_normalise
 from sim_node.model.solver import Solver
 from sim_node.munk2d.engine import PymunkEngine
 from sim_node.simulation import Diverged, Simulation
@@ -41,20 +42,14 @@ class Sledge(Engine):
         masses[:, :2] = self._start
         self.world = SimpleNamespace(
             masses=masses, corners=masses[:, :2].reshape(n, 4, 2), area_ratios=np.ones(n),
-            touching=np.ones(n), actuation=np.zeros(n), readings=np.zeros((n, 4)),
+            touching=np.ones(n), actuation=np.zeros(n),
         )
-        self._sense()
 
     def step(self, actuation, step):
         self.world.actuation[:] = np.clip(actuation, -1.0, 1.0)
         self.world.masses[:, 3] = self.world.actuation.sum()
         self.world.masses[:, 0] += self.world.masses[:, 3] / 60.0
-        self._sense()
         return abs(self.world.masses[0, 3]) < LIMIT
-
-    def _sense(self):
-        speed = self.world.masses[0, 3]
-        self.world.readings[:] = 0.5, 1.0, 0.5 + speed / (2.0 * LIMIT), 0.5
 
 
 @pytest.fixture(autouse=True)
@@ -88,7 +83,7 @@ def test_a_simulation_steps_it():
         readings = simulation.step(np.full(10, 0.25))
     np.testing.assert_allclose(simulation.center - start, (2.5, 0.0), atol=1e-12)
     assert simulation.velocity.tolist() == [2.5, 0.0]
-    assert readings[0].tolist() == [0.5, 1.0, 0.525, 0.5]
+    assert readings[0].tolist() == [0.5, 1.0, soft_normalise(2.5, -8.0, 8.0), 0.5]
     assert (simulation.engine, simulation.time) == ('sledge', 1.0)
     assert simulation.reset()[0, 2] == 0.5
     assert simulation.center.tolist() == start.tolist()

@@ -27,7 +27,7 @@ def walk(name, engine, terrain):
     )
     episode = run_episode(simulation, trained.controller(), 4.0)
     digest = hashlib.sha256(episode.centers.tobytes())
-    digest.update(simulation.world.readings.tobytes())
+    digest.update(simulation.readings.tobytes())
     return digest.hexdigest()[:16]
 
 

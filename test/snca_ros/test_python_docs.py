@@ -11,6 +11,7 @@ from support.paths import ROOT
 from support.synthetic_bag import Walk, messages_of_walk, write_messages
 
 import snca_ros as snca
+from sim_node.model.sensors import SENSORS
 from snca_ros.cell.models import NEURON_MODELS
 from snca_ros.evolution.tasks import TASKS
 
@@ -50,6 +51,7 @@ def test_every_line_of_the_page_runs(tmp_path, monkeypatch, capsys, own_tasks):
     (tmp_path / 'bags').mkdir()
     write_messages(tmp_path / 'bags' / 'mine', messages_of_walk(walk))
     names, told = {'__name__': 'page'}, 0
+    monkeypatch.setattr(SENSORS, '_entries', dict(SENSORS._entries))
     for block in blocks():
         exec(compile(block, 'docs/python.md', 'exec'), names)
         for line in block.splitlines():

@@ -1,7 +1,7 @@
 """Bags written as the recorder writes them, without ROS."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -10,7 +10,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from sim_node.control_time import stamp_of_step
-from sim_node.model.sensors import SENSORS
+from sim_node.model.sensors import DEFAULT_SENSORS
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 TYPES = STORE.types
@@ -27,27 +27,30 @@ class Walk:
 
     voxels: tuple[str, ...]
     centers: np.ndarray  # (n + 1, 2)
-    readings: np.ndarray  # (n, n_voxels, 4)
+    readings: np.ndarray  # (n, n_voxels, n_sensors)
     actuation: np.ndarray  # (n, n_voxels)
     spikes: np.ndarray | None = None  # (n, n_voxels, n_channels, 16)
     values: np.ndarray | None = None  # (n, n_voxels, n_channels)
     corners: np.ndarray | None = None  # (n + 1, n_voxels, 4, 2)
     ground: np.ndarray | None = None  # (n_points, 2)
     episode: str = 'r5f0c17e'  # its name; empty in bags that are older than names of episodes
+    sensors: tuple[str, ...] = DEFAULT_SENSORS
 
 
 def make_walk(
-    n_steps: int = 60, voxels: tuple[str, ...] = ('voxel_0_0', 'voxel_1_0'), seed: int = 0
+    n_steps: int = 60, voxels: tuple[str, ...] = ('voxel_0_0', 'voxel_1_0'), seed: int = 0,
+    **changes: object,
 ) -> Walk:
     """Return a walk of random numbers, 4 spike channels."""
     rng, n = np.random.default_rng(seed), len(voxels)
-    return Walk(
+    walk = Walk(
         voxels,
         centers=rng.normal(size=(n_steps + 1, 2)).cumsum(axis=0),
         readings=rng.uniform(size=(n_steps, n, 4)),
         actuation=rng.uniform(-1, 1, size=(n_steps, n)),
         spikes=rng.integers(0, 2, size=(n_steps, n, 4, 16), dtype=np.uint8),
     )
+    return replace(walk, **changes)
 
 
 def _header(step: int, frame: str):
@@ -142,7 +145,8 @@ def messages_of_step(walk: Walk, step: int, robot: str = 'biped') -> list[Messag
     frames = [f'{voxel}@{walk.episode}' if walk.episode else voxel for voxel in walk.voxels]
     for i, (voxel, frame) in enumerate(zip(walk.voxels, frames, strict=True)):
         out.append((
-            f'/{robot}/{voxel}/sensors', joint_state(step, frame, SENSORS, walk.readings[step, i])
+            f'/{robot}/{voxel}/sensors',
+            joint_state(step, frame, walk.sensors, walk.readings[step, i]),
         ))
     for i, (voxel, frame) in enumerate(zip(walk.voxels, frames, strict=True)):
         if walk.spikes is not None:

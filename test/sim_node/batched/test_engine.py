@@ -104,7 +104,8 @@ def test_arrays_of_simulation_agree_with_the_pymunk_engine():
     for _ in range(30):
         reference.step(np.array([1.0, -0.5]))
         batched.step(np.array([1.0, -0.5]))
-    for name in ('masses', 'corners', 'area_ratios', 'touching', 'actuation', 'readings'):
+    np.testing.assert_allclose(batched.readings, reference.readings, atol=1e-9)
+    for name in ('masses', 'corners', 'area_ratios', 'touching', 'actuation'):
         expected, got = getattr(reference.world, name), getattr(batched.world, name)
         np.testing.assert_allclose(got, expected, atol=1e-9, err_msg=name)
     np.testing.assert_allclose(batched.velocity, reference.velocity, atol=1e-9)

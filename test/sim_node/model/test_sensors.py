@@ -1,25 +1,25 @@
 import math
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sim_node.errors import InvalidInput
+from sim_node.model.sensing import add_noise, sense_robot, sensing_of_one
 from sim_node.model.sensors import (
-    N_SENSORS,
+    DEFAULT_SENSORS,
     SENSORS,
-    TOUCH_WINDOW,
-    VELOCITY_WINDOW,
-    add_noise,
-    measure,
-    normalise,
+    SensorRegistry,
+    Voxel,
+    check_sensors,
     outer_corners,
     own_velocity,
     polygon_area,
-    sample_windows,
     soft_normalise,
-    window_means,
 )
+from sim_node.numerics.jit import compiled_inline
 
 SQUARE = ((-0.9, 0.9), (0.9, 0.9), (0.9, -0.9), (-0.9, -0.9))
 
@@ -32,15 +32,18 @@ def voxel(angle=0.0, velocity=(0.0, 0.0), corners=SQUARE):
     ])
 
 
-def columns(masses):
-    """Return x, y, v_x and v_y of the rows."""
-    return masses[:, [0, 1, 3, 4]].T
+def seen(masses):
+    """Return the voxel of these rows."""
+    return Voxel(*(tuple(masses[:, j]) for j in (0, 1, 3, 4)), 1.0, 0.0)
 
 
-def test_names():
-    assert SENSORS == ('area', 'touch', 'velocity_x', 'velocity_y')
-    assert N_SENSORS == 4
-    assert (TOUCH_WINDOW / 60, VELOCITY_WINDOW / 60) == (0.25, 0.5)
+def test_names_and_constants():
+    assert tuple(SENSORS) == DEFAULT_SENSORS == ('area', 'touch', 'velocity_x', 'velocity_y')
+    constants = [SENSORS[name]._asdict() for name in DEFAULT_SENSORS]
+    assert constants == [
+        {'window': 1, 'low': 0.5, 'high': 1.5}, {'window': 15},
+        {'window': 30, 'low': -8.0, 'high': 8.0}, {'window': 30, 'low': -8.0, 'high': 8.0},
+    ]
 
 
 def test_soft_normalisation_of_the_area():
@@ -100,7 +103,7 @@ def test_each_mass_turns_its_own_corner():
     ],
 )
 def test_velocity_in_own_axes(angle, velocity, own):
-    assert own_velocity(*columns(voxel(math.radians(angle), velocity))) == pytest.approx(own)
+    assert own_velocity(seen(voxel(math.radians(angle), velocity))) == pytest.approx(own)
 
 
 def test_own_axes_are_the_mean_of_top_and_bottom():
@@ -111,47 +114,146 @@ def test_own_axes_are_the_mean_of_top_and_bottom():
     masses[2, :2] = 0.5 * math.cos(low), -2.0 + 0.5 * math.sin(low)  # SE seen from SW
     masses[:, 3] = 1.0
     mean = math.radians(10)
-    assert own_velocity(*columns(masses)) == pytest.approx((math.cos(mean), -math.sin(mean)))
+    assert own_velocity(seen(masses)) == pytest.approx((math.cos(mean), -math.sin(mean)))
 
 
 def test_velocity_is_the_mean_of_the_masses():
     masses = voxel()
     masses[:, 3] = 1.0, 2.0, 3.0, 6.0
     masses[:, 4] = 4.0, -4.0, 0.0, 2.0
-    assert own_velocity(*columns(masses)) == pytest.approx((3.0, 0.5))
+    assert own_velocity(seen(masses)) == pytest.approx((3.0, 0.5))
 
 
-def test_window_mean_of_the_first_steps_counts_only_what_passed():
-    windows = np.zeros((2, 4))
-    means = []
-    for step, value in enumerate((3.0, 1.0, 2.0, 6.0, 7.0, 1.0)):
-        windows[:, step % 4] = value, -2.0 * value
-        means.append(window_means(windows, step))
-    assert [first for first, _ in means] == [3.0, 2.0, 2.0, 3.0, 4.0, 4.0]
-    assert [second for _, second in means] == [-6.0, -4.0, -4.0, -6.0, -8.0, -8.0]
+def reading_of(measure):
+    return math.tanh(measure / 4.0) / 2.0 + 0.5
 
 
-def test_readings_over_many_steps():
+def test_mean_of_the_first_steps_counts_only_what_passed():
+    robot = sensing_of_one(('velocity_x', 'touch'), 1)
+    found = []
+    for step, value in enumerate((3.0, 1.0, 2.0, 6.0)):
+        sense_robot(robot, voxel(0.0, (value, 0.0)), np.ones(1), np.array([step % 2.0]), step)
+        found.append(robot.readings[0].tolist())
+    assert [touch for _, touch in found] == pytest.approx([0.0, 0.5, 1 / 3, 0.5])
+    assert [v for v, _ in found] == pytest.approx([reading_of(v) for v in (3.0, 2.0, 2.0, 3.0)])
+
+
+@pytest.mark.parametrize('names', [
+    DEFAULT_SENSORS, DEFAULT_SENSORS[::-1], ('velocity_y',), ('touch', 'area', 'velocity_x'),
+])
+def test_readings_over_many_steps(names):
     rng = np.random.default_rng(5)
     touching = rng.integers(0, 2, 100).astype(float)
     speeds = rng.normal(0.0, 6.0, (100, 2))
     areas = rng.uniform(0.6, 1.4, 100)
-    touches, velocities = sample_windows(2)
-    readings = np.zeros((2, 4))
+    robot = sensing_of_one(names, 2)
+    rest = np.tile(voxel(), (2, 1))
     for k in range(100):
-        rows = voxel(math.pi / 2, speeds[k])
-        measure(rows, k, touching[k], areas[k], touches[1], velocities[1], readings[1])
-        normalise(readings[1])
+        masses = rest.copy()
+        masses[4:] = voxel(math.pi / 2, speeds[k])
+        assert sense_robot(
+            robot, masses, np.array([1.0, areas[k]]), np.array([0.0, touching[k]]), k
+        )
         along = speeds[max(0, k - 29) : k + 1, 1].mean()  # turned by 90 degrees: x' = y, y' = -x
         across = -speeds[max(0, k - 29) : k + 1, 0].mean()
-        assert readings[1] == pytest.approx([
-            math.tanh(4 * (areas[k] - 1.0)) / 2 + 0.5,
-            touching[max(0, k - 14) : k + 1].mean(),
-            math.tanh(along / 4) / 2 + 0.5,
-            math.tanh(across / 4) / 2 + 0.5,
-        ], abs=1e-12)
-    assert not touches[0].any()
-    assert not readings[0].any()
+        expected = {
+            'area': math.tanh(4 * (areas[k] - 1.0)) / 2 + 0.5,
+            'touch': touching[max(0, k - 14) : k + 1].mean(),
+            'velocity_x': reading_of(along),
+            'velocity_y': reading_of(across),
+        }
+        assert robot.readings[1] == pytest.approx([expected[name] for name in names], abs=1e-12)
+        assert robot.readings[0].tolist() == [0.0 if name == 'touch' else 0.5 for name in names]
+
+
+def test_a_physics_that_diverged_is_told():
+    robot = sensing_of_one(DEFAULT_SENSORS, 1)
+
+    def sane(masses, ratio=1.0):
+        return bool(sense_robot(robot, masses, np.array([ratio]), np.zeros(1), 0))
+
+    assert sane(voxel())
+    assert sane(voxel(), -99.0)
+    assert not sane(voxel(), 100.0)
+    assert not sane(voxel(), math.nan)
+    fast = voxel()
+    fast[2, 4] = math.nan
+    assert not sane(fast)
+    assert sane(voxel())
+
+
+class Odd(NamedTuple):
+    window: int = 1
+    low: float = 0.0
+    high: float = 1.0
+
+    @staticmethod
+    @compiled_inline
+    def measure(sensor, voxel):
+        return voxel.touching
+
+
+class NotCompiled(NamedTuple):
+    window: int = 1
+
+    @staticmethod
+    def measure(sensor, voxel):
+        return voxel.touching
+
+
+class Area(NamedTuple):
+    """Another class than that of 'area', with its name."""
+
+    window: int = 1
+    measure = Odd.measure
+
+
+class OneEnd(NamedTuple):
+    window: int = 1
+    high: float = 1.0
+    measure = Odd.measure
+
+
+class Named(NamedTuple):
+    window: int = 1
+    unit: str = 'm'
+    measure = Odd.measure
+
+
+@pytest.mark.parametrize(('thing', 'named'), [
+    (object(), 'odd: got .*a named tuple'), (Odd.measure, 'odd: got .*a named tuple'),
+    (NotCompiled(), 'compiled method'), (Named(), 'int and float'),
+    (Odd(0), r'odd\.window: got 0'), (Odd(1.0), r'odd\.window'), (Odd(3601), r'1 to 3600'),
+    (Odd(True), 'int and float'), (Odd(1, 2.0, 2.0), 'a higher `high`'),
+    (Odd(1, 2.0, 1.0), 'a higher `high`'), (Odd(1, math.nan, 1.0), 'a higher `high`'),
+    (OneEnd(), 'or neither'),
+    (Area(), r'a class not called Area, as one in sim_node\.model\.sensors is'),
+])
+def test_what_is_no_sensor_is_refused(thing, named):
+    with pytest.raises(InvalidInput, match=named):
+        SENSORS.register('odd', thing)
+    assert 'odd' not in SENSORS
+
+
+@pytest.mark.parametrize('name', ['', 'a,b', 'a-b', 'a/b', '1a', None, 'a b'])
+def test_a_name_must_fit_into_lists_and_folder_names(name):
+    with pytest.raises(InvalidInput, match='letters, digits and _'):
+        SENSORS.register(name, Odd())
+
+
+def test_one_class_can_be_several_sensors():
+    registry = SensorRegistry('sensors', {'slow': Odd(30)})
+    registry['fast'] = Odd(2)
+    assert registry['fast'].window == 2
+    assert list(registry) == ['slow', 'fast']
+
+
+@pytest.mark.parametrize(
+    'names', [(), 'area', None, ('area', 'area'), ('area', 'aera'), (3,), [[]]]
+)
+def test_a_list_of_sensors_that_is_none(names):
+    with pytest.raises(InvalidInput, match='sensors'):
+        check_sensors(names)
 
 
 def test_noise_is_added_and_clipped():

@@ -18,7 +18,8 @@ from sim_node.engine import ENGINES
 from sim_node.errors import InvalidInput
 from sim_node.model.body_file import load_body
 from sim_node.model.material import Material
-from snca_ros.cell.architecture import NEURON_MODELS
+from sim_node.model.sensors import DEFAULT_SENSORS
+from snca_ros.cell.models import NEURON_MODELS
 from snca_ros.controller_file import load_controller
 from snca_ros.evolution.tasks import TASKS
 
@@ -81,6 +82,10 @@ def changed(header: dict, field: str, value) -> dict:
 NOT_A_DICT = [None, True, 3, 'text', [], ['uniform']]
 NOT_A_SIZE = [None, 0, -1, 1.0, '1', True, [1], {}, 10**30]
 WRONG = {
+    'sensors': [
+        None, True, 3, 'area', {}, [], ['area'] * 2, ['aera', *DEFAULT_SENSORS[1:]], [3], [[]],
+        [None], [*DEFAULT_SENSORS, 'os'], ['area', 'touch'],
+    ],
     'format_version': [None, '1', 1.0, True, [1], {}, 0, 3, -1, 10**30],
     'architecture': NOT_A_DICT,
     'architecture.uniform': [None, 1, 'true', [], {}],
@@ -121,7 +126,9 @@ def test_wrong_value_is_named(path, header, field):
     words = field.split('.')[:1] if field == 'morphology.grid' else field.split('.')[-1:]
     for value in WRONG[field]:
         write(path, changed(header, field, value), THETA)
-        assert words[0] in refusal(path).split(': got ')[0], f'{field} = {value!r}'
+        named = refusal(path).split(': got ')[0]
+        of_size = field == 'sensors' and value == ['area', 'touch']  # other cells, other weights
+        assert ('theta' if of_size else words[0]) in named, f'{field} = {value!r}'
 
 
 def test_every_field_has_its_wrong_values(header):
@@ -131,7 +138,7 @@ def test_every_field_has_its_wrong_values(header):
 
 
 @pytest.mark.parametrize(
-    'field', [f for f in WRONG if '.' not in f and f not in SINCE_TWO_ENGINES]
+    'field', [f for f in WRONG if '.' not in f and f not in (*SINCE_TWO_ENGINES, 'sensors')]
 )
 def test_missing_field_is_named(path, header, field):
     write(path, {name: value for name, value in header.items() if name != field}, THETA)
@@ -236,7 +243,8 @@ def test_files_from_before_there_were_two_engines(path, header):
 
 def version_1(header):
     """Return the header as it was before there were tasks."""
-    old = {name: value for name, value in header.items() if name not in ('task', 'scores')}
+    since = 'sensors', 'task', 'scores'
+    old = {name: value for name, value in header.items() if name not in since}
     return {**old, 'format_version': 1, 'v_x': {'pymunk': 7.5}}
 
 
@@ -244,6 +252,7 @@ def test_files_of_version_1_are_walks(path, header):
     write(path, version_1(header), THETA)
     trained = load_controller(path)
     assert (trained.task, trained.scores) == ('walk', {'pymunk': 7.5})
+    assert trained.architecture.sensors == load_body(path).sensors == DEFAULT_SENSORS
     assert load_body(path).terrain == trained.terrain
     for value in WRONG['scores']:
         write(path, {**version_1(header), 'v_x': value}, THETA)
@@ -254,7 +263,7 @@ def test_files_of_version_1_are_walks(path, header):
 def test_fields_of_the_other_version_are_unknown(path, header, version):
     headers = {1: version_1(header), 2: header}
     foreign = headers[3 - version].keys() - headers[version].keys()
-    assert foreign == ({'task', 'scores'} if version == 1 else {'v_x'})
+    assert foreign == ({'sensors', 'task', 'scores'} if version == 1 else {'v_x'})
     for name in foreign:
         write(path, {**headers[version], name: headers[3 - version][name]}, THETA)
         assert refusal(path).startswith(f"header: got '{name}', expected one of ")
@@ -295,3 +304,20 @@ def test_reading_a_controller_loads_tasks_but_no_evolution(path, header):
     ).stdout.strip()
     tasks = [f'snca_ros.evolution.tasks{part}' for part in ('', '.task', '.walk')]
     assert found == f'{tasks} False'
+
+
+def test_sensors_in_another_order_are_those_of_cells_and_body(path, header):
+    names = DEFAULT_SENSORS[::-1]
+    write(path, {**header, 'sensors': list(names)}, THETA)
+    trained = load_controller(path)
+    assert trained.architecture.sensors == trained.simulation().sensors == names
+    assert load_body(path).sensors == names
+
+
+def test_an_unknown_sensor_is_refused_with_the_known_ones_and_imports_nothing(path, header):
+    write(path, {**header, 'sensors': ['area', 'antigravity']}, THETA)
+    known = f"sensors: got 'antigravity', expected one of {', '.join(DEFAULT_SENSORS)}"
+    assert refusal(path) == known
+    with pytest.raises(InvalidInput, match='expected one of area, touch, velocity_x, velocity_y'):
+        load_body(path)
+    assert 'antigravity' not in sys.modules

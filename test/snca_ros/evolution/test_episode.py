@@ -130,7 +130,7 @@ def test_episode_is_the_loop_bit_for_bit(shape, name, model, sensor_noise):
         episode = run_episode(fused, other, n_steps / 60)
         assert not episode.diverged
         np.testing.assert_array_equal(episode.centers, centers)
-        np.testing.assert_array_equal(fused.world.readings, readings[-1])
+        np.testing.assert_array_equal(fused.readings, readings[-1])
         np.testing.assert_array_equal(fused.world.actuation, actuations[-1])
         np.testing.assert_array_equal(other.cells.outbox, outbox)
         assert fused.step_count == other.step_count == n_steps
@@ -149,7 +149,7 @@ def test_faulty_episode_is_the_loop_bit_for_bit(text):
     centers, readings, _ = loop(simulation, controller, 240)
     for _ in range(2):  # the second one is not another
         np.testing.assert_array_equal(run_episode(simulation, controller, 4.0).centers, centers)
-        np.testing.assert_array_equal(simulation.world.readings, readings[-1])
+        np.testing.assert_array_equal(simulation.readings, readings[-1])
     simulation = Simulation('biped', 'hilly-0.5-10-0', **none.of_body)
     sound = make_controller(simulation.morphology, 'U-nD', 'snn-h', scale=2.0, faults=none)
     assert not np.array_equal(run_episode(simulation, sound, 4.0).centers, centers)

@@ -1,0 +1,250 @@
+"""Reading sensors: one compiled function for one robot and for robots in lanes.
+
+Whoever steps a robot hands over masses, area ratios and touching; what the sensors are is given by
+their names. Their measures are kept in ring buffers, a `window` of samples for each sensor of each
+voxel, and a reading is the mean of the samples that there are.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numba.extending import overload
+
+from sim_node.model.sensors import MAX_AREA_RATIO, SENSORS, Voxel, check_sensors, soft_normalise
+from sim_node.numerics.dispatch import INLINED, method
+from sim_node.numerics.jit import compiled, compiled_kernel, inlined_part
+from sim_node.numerics.lane_array import zeros
+from sim_node.numerics.lanes import like, load, select, store
+
+X, Y, VX, VY = 0, 1, 3, 4
+"""Columns of masses, (n_masses, 5 or more): between them is the angle [rad]."""
+
+
+class Sensing(NamedTuple):
+    """The sensors of W robots of one shape, what they read, and what they have read."""
+
+    sensors: tuple  # of `SENSORS`
+    windows: np.ndarray  # (n_sensors,) samples that are averaged
+    starts: np.ndarray  # (n_sensors,) where its ring buffer begins among those of a voxel
+    newest: np.ndarray  # (n_sensors,) where its newest sample is among those of a voxel
+    masses: np.ndarray  # lanes (n_masses, 5 or more) x, y, angle, v_x, v_y
+    area_ratios: np.ndarray  # lanes (n_voxels, 1)
+    touching: np.ndarray  # lanes (n_voxels, 1) 0.0 or 1.0
+    samples: np.ndarray  # lanes (n_voxels * sum of windows, 1)
+    means: np.ndarray  # lanes (n_sensors * n_voxels, 1) of the samples, then the readings
+    readings: np.ndarray  # lanes (n_voxels, n_sensors) in [0, 1]
+    sane: np.ndarray  # lanes (1, 1) 1.0, or 0.0 where the physics diverged
+
+    mean_lanes: np.ndarray  # (n_sensors, n_voxels * W) the floats of `means`
+    reading_lanes: np.ndarray  # (n_voxels, n_sensors, W) the floats of `readings`
+    sane_lanes: np.ndarray  # (1, 1, W) the floats of `sane`
+
+
+def make_sensing(
+    names: Sequence[str], masses: np.ndarray, area_ratios: np.ndarray, touching: np.ndarray
+) -> Sensing:
+    """Return the sensors of W robots before the first reading.
+
+    Args:
+        names: of the sensors of each voxel, in the order of the readings.
+        masses, area_ratios, touching: lanes as of `Sensing`, which are read from then on.
+
+    Raises:
+        InvalidInput: a name is not one of `SENSORS`.
+    """
+    sensors = tuple(SENSORS[name] for name in check_sensors(names))
+    windows = np.array([sensor.window for sensor in sensors])
+    n_voxels, width = len(area_ratios), masses['lane'].shape[2]
+    readings, sane = zeros((n_voxels, len(sensors)), width), zeros((1, 1), width)
+    means = zeros((len(sensors) * n_voxels, 1), width)
+    return Sensing(
+        sensors=sensors,
+        windows=windows,
+        starts=np.cumsum(windows) - windows,
+        newest=np.zeros_like(windows),
+        masses=masses,
+        area_ratios=area_ratios,
+        touching=touching,
+        samples=zeros((n_voxels * int(windows.sum()), 1), width),
+        means=means,
+        readings=readings,
+        sane=sane,
+        mean_lanes=means['lane'].reshape(len(sensors), -1),
+        reading_lanes=readings['lane'],
+        sane_lanes=sane['lane'],
+    )
+
+
+class RobotSensing(NamedTuple):
+    """The sensors of one robot, and arrays without lanes that share memory with them."""
+
+    sensing: Sensing  # of one lane
+    masses: np.ndarray  # (n_masses, 5)
+    area_ratios: np.ndarray  # (n_voxels,)
+    touching: np.ndarray  # (n_voxels,)
+    readings: np.ndarray  # (n_voxels, n_sensors)
+
+
+def sensing_of_one(names: Sequence[str], n_voxels: int) -> RobotSensing:
+    """Return the sensors of one robot of so many voxels, as of `make_sensing`."""
+    masses, ratios = zeros((4 * n_voxels, 5), 1), zeros((n_voxels, 1), 1)
+    touching = zeros((n_voxels, 1), 1)
+    sensing = make_sensing(names, masses, ratios, touching)
+    return RobotSensing(
+        sensing, masses['lane'][:, :, 0], ratios['lane'][:, 0, 0], touching['lane'][:, 0, 0],
+        sensing.reading_lanes[:, :, 0],
+    )
+
+
+_measure = method('measure', 'Return what a sensor measures of a voxel, number or lanes.')
+
+
+@inlined_part
+def begin_reading(sensing, step):
+    """Begin to read all sensors at control step `step`: 0, then one more each time."""
+    for j in range(sensing.windows.shape[0]):
+        sensing.newest[j] = sensing.starts[j] + step % sensing.windows[j]
+
+
+@inlined_part
+def measure_voxel(sensing, step, i):
+    """Measure voxel i, whose masses, area ratio and touching are those of now."""
+    masses = sensing.masses
+    voxel = Voxel(
+        four_rows(masses, i, X), four_rows(masses, i, Y),
+        four_rows(masses, i, VX), four_rows(masses, i, VY),
+        load(sensing.area_ratios, i, 0), load(sensing.touching, i, 0),
+    )
+    first = i * (sensing.samples.shape[0] // sensing.area_ratios.shape[0])
+    _measure_each(sensing.sensors, 0, sensing, first, voxel)
+    _average(sensing, step, i, first)
+
+
+@inlined_part
+def end_reading(sensing):
+    """Write the readings of all voxels, and note in which lanes the physics diverged.
+
+    It has where a reading is not finite or a voxel's area is beyond bounds (`MAX_AREA_RATIO`).
+    """
+    n_voxels, n_sensors = sensing.readings.shape
+    _normalise_each(sensing.sensors, 0, sensing.mean_lanes)
+    sane = like(load(sensing.area_ratios, 0, 0), 1.0)
+    for i in range(n_voxels):
+        sane = select(abs(load(sensing.area_ratios, i, 0)) < MAX_AREA_RATIO, sane, 0.0)
+        for j in range(n_sensors):
+            reading = load(sensing.means, j * n_voxels + i, 0)
+            store(sensing.readings, i, j, reading)
+            sane = select(reading <= 1.0, sane, 0.0)
+    store(sensing.sane, 0, 0, sane)
+
+
+@compiled
+def sense_robot(robot, masses, area_ratios, touching, step):
+    """Read the sensors of a `RobotSensing` whose state is in arrays of its engine.
+
+    Returns:
+        False if the physics diverged, see `end_reading`.
+    """
+    robot.masses[:] = masses[:, :5]
+    robot.area_ratios[:] = area_ratios
+    robot.touching[:] = touching
+    begin_reading(robot.sensing, step)
+    for i in range(area_ratios.shape[0]):
+        measure_voxel(robot.sensing, step, i)
+    end_reading(robot.sensing)
+    return robot.sensing.sane_lanes[0, 0, 0] > 0.0
+
+
+@inlined_part
+def four_rows(rows, i, field):
+    """Return, as lanes, a field of the four rows of voxel i: masses or corners."""
+    j = 4 * i
+    return (
+        load(rows, j, field), load(rows, j + 1, field),
+        load(rows, j + 2, field), load(rows, j + 3, field),
+    )
+
+
+def _measure_each(sensors, j, sensing, first, voxel):
+    """Keep what `sensors`, which are those from number j on, measure of a voxel.
+
+    Compiled code takes the first, and calls itself with the others, which are another type.
+
+    Args:
+        first: row of the samples at which those of this voxel begin.
+    """
+    raise NotImplementedError('called by compiled code only')
+
+
+@overload(_measure_each, jit_options=INLINED)
+def _compiled_measure_each(sensors, j, sensing, first, voxel):
+    if len(sensors) == 0:
+        return lambda sensors, j, sensing, first, voxel: None
+
+    def measure(sensors, j, sensing, first, voxel):
+        store(sensing.samples, first + sensing.newest[j], 0, _measure(sensors[0], voxel))
+        _measure_each(sensors[1:], j + 1, sensing, first, voxel)
+
+    return measure
+
+
+@inlined_part
+def _average(sensing, step, i, first):
+    """Write the means of voxel i's samples; those of the first steps are of what there is."""
+    samples, n_voxels = sensing.samples, sensing.area_ratios.shape[0]
+    for j in range(sensing.windows.shape[0]):
+        start = first + sensing.starts[j]
+        n = min(step + 1, sensing.windows[j])
+        total = like(load(samples, start, 0), 0.0)
+        for row in range(start, start + n):
+            total += load(samples, row, 0)
+        store(sensing.means, j * n_voxels + i, 0, total / n)
+
+
+def _normalise_each(sensors, j, means):
+    """Turn the means of `sensors`, which are those from number j on, into numbers in [0, 1].
+
+    Args:
+        means: (n_sensors, n_voxels * W), written.
+    """
+    raise NotImplementedError('called by compiled code only')
+
+
+@overload(_normalise_each, jit_options=INLINED)
+def _compiled_normalise_each(sensors, j, means):
+    if len(sensors) == 0:
+        return lambda sensors, j, means: None
+    soft = 'low' in sensors[0].instance_class._fields
+
+    def normalise_soft(sensors, j, means):
+        _normalise_row(means, j, sensors[0].low, sensors[0].high)
+        _normalise_each(sensors[1:], j + 1, means)
+
+    def clip(sensors, j, means):
+        _clip_row(means, j)
+        _normalise_each(sensors[1:], j + 1, means)
+
+    return normalise_soft if soft else clip
+
+
+@compiled_kernel
+def _normalise_row(means, j, low, high):
+    for i in range(means.shape[1]):  # numbers, not lanes: of one robot, too, they fill vectors
+        means[j, i] = soft_normalise(means[j, i], low, high)
+
+
+@compiled_kernel
+def _clip_row(means, j):
+    """Clip to [0, 1]; NaN stays NaN."""
+    for i in range(means.shape[1]):
+        mean = means[j, i]
+        means[j, i] = 0.0 if mean < 0.0 else 1.0 if mean > 1.0 else mean
+
+
+@compiled
+def add_noise(readings, noise):
+    """Add `noise`, (n_voxels, n_sensors) or (0, n_sensors), to the readings; clip to [0, 1]."""
+    for i in range(noise.shape[0]):
+        for j in range(noise.shape[1]):
+            readings[i, j] = min(max(readings[i, j] + noise[i, j], 0.0), 1.0)
