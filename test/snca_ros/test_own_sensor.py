@@ -157,7 +157,7 @@ def test_it_is_evolved_saved_loaded_and_recorded(tmp_path, engine, model):
     np.testing.assert_array_equal(recording.readings[0], simulation.readings)
     frames = make_frames(recording)
     assert (frames.arrays['area'].raw < 255).mean() > 0.9
-    fitness = trained.v_x[engine]
+    fitness = trained.scores[engine]
     assert fitness == trained.fitness
     assert math.isfinite(fitness)
 
