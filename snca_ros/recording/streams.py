@@ -1,4 +1,4 @@
-"""The stamped topics of a bag as numbers over control steps, cut into episodes."""
+"""Decodes the stamped topics of a bag into numbers over control steps, split into episodes."""
 
 import functools
 from collections import Counter
@@ -19,14 +19,14 @@ from snca_ros.recording.storage import Topic
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """Messages of one topic.
+    """Decoded messages of one topic.
 
     Attributes:
-        steps: (n,) control steps from their stamps, in the order of their arrival.
-        times: (n,) wall time of their arrival [ns].
-        numbers: (n, ...) what they say.
-        names: (n,) bytes, of the simulation's episode in their frame; empty if there is none.
-        refused: messages besides that are not what they should be; the nodes did not use them.
+        steps: (n,) control steps from their stamps, in the order in which they were recorded.
+        times: (n,) wall time at which they were recorded [ns].
+        numbers: (n, ...) their content.
+        names: (n,) bytes, name of the episode in their frame_id; empty if there is none.
+        refused: number of other messages on the topic that are invalid; nodes refuse them, too.
     """
 
     steps: np.ndarray
@@ -37,24 +37,24 @@ class Stream:
 
     @classmethod
     def empty(cls, kind: 'Kind') -> 'Stream':
-        """Return the stream of a topic of which nothing came."""
+        """Return the stream of a topic without messages."""
         none = np.zeros(0, dtype=np.int64)
         return cls(none, none, np.zeros((0, *np.maximum(kind.shape, 0))), none.astype('S'))
 
     def starts(self) -> np.ndarray:
-        """Return the index of the first message, and of those after the stamps went back."""
+        """Return the index of the first message and of each message whose stamp goes back."""
         return np.flatnonzero(np.diff(self.steps, prepend=np.iinfo(np.int64).max) < 0)
 
     def episode(self, number: int, resets: np.ndarray) -> 'Stream':
         """Return the messages of one episode, at most one per control step.
 
-        A reset reaches every topic at another moment: a late answer may follow the robot's step
-        0. So a topic's messages since its own last going back count as one, and belong to the
-        episode in which the first of them came.
+        A reset takes effect at a different time on every topic: a late answer may be recorded after
+        the odometry of step 0. So messages are assigned in runs of increasing steps: a run belongs
+        to the episode in which its first message was recorded.
 
         Args:
             number: of the episode, from 0.
-            resets: (n_episodes - 1,) wall time [ns] of the robot's last word before each reset.
+            resets: (n_episodes - 1,) wall time [ns] of the last odometry before each reset.
         """
         starts = self.starts()
         lengths = np.diff(starts, append=len(self.steps))
@@ -67,7 +67,7 @@ class Stream:
         )
 
     def until(self, step: int) -> 'Stream':
-        """Return the messages up to a step; to refuse what is stamped later."""
+        """Return the messages up to a step, and count the later ones as refused."""
         kept = self.steps <= step
         return Stream(
             self.steps[kept], self.times[kept], self.numbers[kept], self.names[kept],
@@ -77,22 +77,24 @@ class Stream:
 
 @dataclass(frozen=True)
 class Kind:
-    """What messages of a kind of topic are: their type, and how their numbers are read."""
+    """A kind of topic: its message type, and how to read the numbers of a message."""
 
     type: str
     read: Callable[[Any], object]
     shape: tuple[int, ...]  # of the numbers; -1: any, but the same in all messages
-    of_voxel: bool = True  # its frame is the voxel's
+    of_voxel: bool = True  # whether frame_id names a voxel
 
 
 def decode(name: str, topic: Topic, kind: str) -> Stream:
-    """Return the messages of `topic`, which is called `name`, as numbers.
+    """Return the decoded messages of a topic.
 
     Args:
+        name: of the topic.
+        topic: its messages.
         kind: one of `KINDS`.
 
     Raises:
-        InvalidInput: its type is not what it should be, or none of its messages is.
+        InvalidInput: the topic has another type than its kind, or all of its messages are invalid.
     """
     expected = KINDS[kind]
     if topic.type != expected.type:
@@ -102,7 +104,7 @@ def decode(name: str, topic: Topic, kind: str) -> Stream:
     for time, data in zip(topic.times.tolist(), topic.messages, strict=True):
         try:
             step, numbers, episode = _read(name, expected, data)
-        except Exception as error:  # whatever rosbags and numpy say about bytes of another layout
+        except Exception as error:  # rosbags and numpy raise various ones for another layout
             reason = error
         else:
             found.append((step, time, numbers, episode))
@@ -122,7 +124,7 @@ def decode(name: str, topic: Topic, kind: str) -> Stream:
 
 
 def _read(name: str, kind: Kind, data: bytes) -> tuple[int, np.ndarray, bytes]:
-    """Return step, numbers and the name of the episode; some exception if a message is wrong."""
+    """Return step, numbers and name of the episode; raise any exception if the data are invalid."""
     message = _types().deserialize_cdr(data, kind.type)
     stamp = message.clock if kind is KINDS['clock'] else message.header.stamp
     voxel = name.split('/')[-2]
@@ -135,7 +137,7 @@ def _read(name: str, kind: Kind, data: bytes) -> tuple[int, np.ndarray, bytes]:
     if not fits:
         raise InvalidInput('shape', numbers.shape, str(kind.shape))
     if not np.isfinite(numbers).all():
-        raise InvalidInput('numbers', 'one that is not finite', 'finite numbers')
+        raise InvalidInput('numbers', 'infinity or NaN', 'finite numbers')
     episode = episode_of(message.header.frame_id) if kind.of_voxel else b''
     return step_of_stamp(stamp.sec, stamp.nanosec), numbers, episode
 
@@ -149,7 +151,7 @@ def _spikes(message) -> np.ndarray:
     """Return (channels, 16) uint8, 0 or 1."""
     pixels = _pixels(message, 'mono8', np.uint8)
     if not ((pixels == 0) | (pixels == 255)).all():
-        raise InvalidInput('data', 'other pixels', '0 or 255 in every pixel')
+        raise InvalidInput('data', 'other pixel values', '0 or 255 in every pixel')
     return pixels // 255
 
 
@@ -170,4 +172,4 @@ KINDS = {
     'spikes': Kind('sensor_msgs/msg/Image', _spikes, (-1, SNN_STEPS)),
     'values': Kind('sensor_msgs/msg/Image', lambda m: _pixels(m, '64FC1', np.float64), (-1, 1)),
 }
-"""The topics that carry control steps, by the last part of their name."""
+"""Kinds of topics whose stamps are control steps, by the last part of the topic's name."""

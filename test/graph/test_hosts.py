@@ -132,7 +132,7 @@ def test_walk_in_real_time_survives_a_cut_cable(cable, start, make_controller, t
         assert f'{voxel} answers again' in output
     recording = read_bag(tmp_path / 'bag')
     assert recording.n_steps == 361
-    on_time, late, lost = recording.health['sim_node'].links['voxel_0_1/actuation']
+    on_time, late, lost = recording.health['sim_node'].deliveries['voxel_0_1/actuation']
     assert on_time + late + lost == 360
     assert late + lost > 60  # of the 120 steps of two seconds
     assert on_time > 100

@@ -76,7 +76,7 @@ def test_the_tutorial_does_what_it_says(tmp_path):
 
     log = '\n'.join(said)
     assert log.count('bit for bit the same') >= 2  # whole and dead
-    assert 'voxel_node voxel_2_0 ended with code -9: the robot goes on without' in log
+    assert 'voxel_node voxel_2_0 ended with code -9: the walk continues without it' in log
     assert re.search(r'^whole .+\ndead .+\nkilled .+$', log, re.MULTILINE)
     lost = {name: lost_actuation(tmp_path / f'{name}.json') for name in ('whole', 'dead', 'killed')}
     assert lost['whole'] == lost['dead'] == 0 < lost['killed']

@@ -62,7 +62,7 @@ def watch_and_disturb(walk, page, twin):
     assert np.reshape(seen['corners'], (3, 4, 2))[..., 1].min() > 4.9  # on the ground
     first = page.frames[0]
     np.testing.assert_allclose([first['x'], first['y']], twin[first['step']], atol=0.5)
-    said = {(step, voxel) for frame in page.frames for step, voxel, _ in frame['said']}
+    said = {(step, voxel) for frame in page.frames for step, voxel, _ in frame['messages']}
     assert {(step, voxel) for step in range(20) for voxel in range(3)} <= said
 
     page.command('dance')

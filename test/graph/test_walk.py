@@ -133,7 +133,7 @@ def test_killed_voxel_is_started_again(start, make_controller, tmp_path):
     wait_until(lambda: voxel_pid(child.pid, 'voxel_0_1') not in (first, None))
     output, _ = child.communicate(timeout=120)
     assert child.returncode == 0, output
-    assert 'voxel_node voxel_0_1 ended with code -9: started again' in output
+    assert 'voxel_node voxel_0_1 ended with code -9: restarted' in output
     assert '1801 positions of the centre, the same until step' in output
     assert lost_in_total(output) == 0, output
 
@@ -153,7 +153,7 @@ def test_real_time_walk_goes_on_without_a_killed_voxel(start, make_controller, t
     os.kill(victim, signal.SIGKILL)
     output, _ = child.communicate(timeout=90)
     assert child.returncode == 0, output
-    assert 'voxel_node voxel_0_1 ended with code -9: the robot goes on without' in output
+    assert 'voxel_node voxel_0_1 ended with code -9: the walk continues without it' in output
     assert 'missed deadlines' in output
     assert 'voxel_0_1/spikes at voxel_0_0: ' in output
     assert 'lost on /robot_11_10/voxel_0_1/actuation' in output

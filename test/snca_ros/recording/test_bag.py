@@ -197,10 +197,10 @@ def test_figures_of_all_lives_of_a_node(tmp_path):
         }
         messages[k].append(('/diagnostics', diagnostics('/biped/voxel_0_0', figures, process)))
     health = read_bag(write_messages(tmp_path / 'bag', messages)).health['voxel_0_0']
-    assert health.lives == 2
-    assert health.links == {'x/spikes': (18, 0, 3)}
-    assert health.figures['steps'] == 21
-    assert health.figures['steps per second'] == 60.0
+    assert health.n_processes == 2
+    assert health.deliveries == {'x/spikes': (18, 0, 3)}
+    assert health.values['steps'] == 21
+    assert health.values['steps per second'] == 60.0
 
 
 def test_broken_diagnostics_are_refused(tmp_path):
@@ -280,7 +280,7 @@ def test_a_bag_cut_anywhere_is_read_up_to_there(tmp_path_factory, killed, data):
         assert not bag.closed
         np.testing.assert_array_equal(bag.centers, make_walk(N_STEPS).centers[:n_whole])
     else:
-        assert 'odometry of none among 0 topics' in refused(folder)
+        assert 'odometry of no robot in 0 topics' in refused(folder)
     shutil.rmtree(folder)
 
 
@@ -398,7 +398,7 @@ def bad_stamp():
 
 SPIKES = np.zeros((4, 16), np.uint8)
 FOREIGN = {
-    'no odometry': ([('/clock', clock(3))], 'odometry of none among 1 topics'),
+    'no odometry': ([('/clock', clock(3))], 'odometry of no robot in 1 topics'),
     'two robots': (
         [('/a/odometry', odometry(0, np.zeros(2))), ('/b/odometry', odometry(0, np.zeros(2)))],
         'odometry of a, b',
@@ -408,7 +408,7 @@ FOREIGN = {
         [('/biped/odometry', odometry(0, np.zeros(2))), (voxel('spikes'), clock(3))],
         'rosgraph_msgs/msg/Clock',
     ),
-    'values, too': ([(voxel('values'), image(3, '', '64FC1', np.zeros((4, 1))))], 'one of both'),
+    'values, too': ([(voxel('values'), image(3, '', '64FC1', np.zeros((4, 1))))], 'one of them'),
 }
 WRONG = {
     'stamp': ('/biped/odometry', bad_stamp()),

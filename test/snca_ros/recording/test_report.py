@@ -61,7 +61,7 @@ def test_links_and_step_times(tmp_path, capsys):
     out = capsys.readouterr().out
     assert 'step time  16.67 ms p50, 18.00 ms p99, 40.50 ms max; 2 missed deadlines' in out
     words = [line.split() for line in out.splitlines()]
-    assert ['links', 'on', 'time', 'late', 'lost'] in words
+    assert ['at', 'the', 'nodes', 'on', 'time', 'late', 'lost'] in words
     assert ['actuation', '20', '3', '7'] in words
     assert ['spikes', '29', '0', '0'] in words
     assert 'voxel_0_0/actuation at sim_node: 3 late, 7 lost' in out
@@ -94,7 +94,7 @@ def test_a_bag_of_a_killed_recorder_and_of_resets_is_told(tmp_path, capsys):
     bag = write_messages(tmp_path / 'bag', [*walk, *walk[:3]], killed=True)
     assert main(['report', str(bag)]) == 0
     out = capsys.readouterr().out
-    assert 'did not finish' in out
+    assert 'did not close' in out
     assert 'episode 1 of 0 to 1' in out
     assert main(['report', str(bag), '--episode', '0']) == 0
     assert 'episode 0 of 0 to 1' in capsys.readouterr().out

@@ -55,7 +55,7 @@ def frame(step, **changes):
     return {
         'step': step, 'x': x, 'y': 9.0, 'corners': np.ravel(corners).tolist(),
         'area': [1.0] * 3, 'touch': [1.0, 0.0, 0.0], 'actuation': [0.0] * 3, 'health': {},
-        'said': [[k, i, [3, 0, 0, 0]] for k in range(max(step - 2, 0), step) for i in range(3)],
+        'messages': [[k, i, [3, 0, 0, 0]] for k in range(max(step - 2, 0), step) for i in range(3)],
         **changes,
     }
 
@@ -80,7 +80,7 @@ def test_what_is_told_and_commanded(server):
     with open_socket(server, server.address.rstrip('/')) as socket:
         socket.send('{"action": "kill"}')
         assert server.commands.get(timeout=10) == {'action': 'kill'}
-        server.tell({'step': 1})
+        server.send({'step': 1})
         assert json.loads(socket.recv(timeout=10)) == {'step': 1}
 
 
@@ -121,7 +121,7 @@ def test_the_page_follows_a_walk_and_commands(server, browser):
     page.wait_for_function('document.getElementById("state").textContent === ""')
     assert opened.value.url == server.address.replace('http', 'ws')
     for step in range(0, 122, 2):
-        server.tell(frame(step))
+        server.send(frame(step))
     page.wait_for_function('window.player?.time === 2')
     state = page.evaluate('player.state()')
     assert (state['x'], state['y']) == (26.0, 9.0)
@@ -135,7 +135,7 @@ def test_the_page_follows_a_walk_and_commands(server, browser):
         wanted = {'action': action, 'voxel': 'voxel_0_1'}
         assert server.commands.get(timeout=10) == wanted
     page.keyboard.press('Home')
-    server.tell(frame(122, health={'voxel_0_1': [2, 'killed']}))
+    server.send(frame(122, health={'voxel_0_1': [2, 'killed']}))
     page.wait_for_function('player.walk.duration > 2')
     assert page.evaluate('player.time') == 0  # who looks back stays there
     assert page.text_content('#node') == 'voxel_0_1: killed'
