@@ -43,7 +43,7 @@ FRAMES = ('', 'someone', 'voxel_0_0', 'voxel_0_0@', 'x' * 10_000)
 
 
 def spoilt(kind, data):
-    """Yield the serialised message `data` with one error each, and once unchanged, which is late."""
+    """Yield serialised messages: `data` with one error each, and once unchanged but late."""
     def message():
         return deserialize_message(data, kind)
 

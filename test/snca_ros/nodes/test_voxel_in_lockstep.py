@@ -1,4 +1,4 @@
-"""Voxels in lock-step equal their offline twin, whatever the delay, order or repeats of messages."""
+"""Voxels in lock-step equal their offline twin, whatever messages are delayed or repeated."""
 
 import numpy as np
 import pytest
