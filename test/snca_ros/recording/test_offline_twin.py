@@ -1,4 +1,4 @@
-"""A recorded walk is compared with its offline twin."""
+"""Comparison of a recorded walk with its offline twin."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The server of the live page: whom it serves, and the page that it serves in a browser."""
+"""The server of the live page: the requests that it refuses, and its page in a browser."""
 
 import http.client
 import json
@@ -76,7 +76,7 @@ def test_foreign_origins_are_refused(server, origin):
     assert refused.value.response.status_code == 403
 
 
-def test_what_is_told_and_commanded(server):
+def test_frames_are_sent_and_commands_received(server):
     with open_socket(server, server.address.rstrip('/')) as socket:
         socket.send('{"action": "kill"}')
         assert server.commands.get(timeout=10) == {'action': 'kill'}
@@ -85,7 +85,7 @@ def test_what_is_told_and_commanded(server):
 
 
 @pytest.mark.parametrize('text', ['no json', '[' * 5000])
-def test_who_sends_nonsense_is_left_and_others_stay(server, text):
+def test_a_client_that_sends_nonsense_is_disconnected_and_others_are_not(server, text):
     with open_socket(server, server.address.rstrip('/')) as other:
         with open_socket(server, server.address.rstrip('/')) as socket:
             socket.send(text)
@@ -95,7 +95,7 @@ def test_who_sends_nonsense_is_left_and_others_stay(server, text):
         assert server.commands.get(timeout=10) == {}
 
 
-def test_a_port_in_use_is_told(server):
+def test_a_port_in_use_is_refused(server):
     port = urlsplit(server.address).port
     for use in (check_port, lambda port: PageServer(port, '')):
         with pytest.raises(InvalidInput, match=r'in use.*expected a port that is free'):
@@ -103,19 +103,19 @@ def test_a_port_in_use_is_told(server):
     check_port(0)
 
 
-def test_a_browser_that_goes_without_a_word_is_no_error(server, caplog):
+def test_a_connection_lost_without_a_close_frame_is_no_error(server, caplog):
     with open_socket(server, server.address[:-1]) as socket:
         socket.send('{}')
         assert server.commands.get(timeout=10) == {}
         socket.socket.shutdown(SHUT_RDWR)
-    server.close()  # waits for what serves the connection
+    server.close()  # waits for the task that serves the connection
     assert [record.getMessage() for record in caplog.records if record.levelno >= ERROR] == []
 
 
 def test_the_page_follows_a_walk_and_commands(server, browser):
-    page, said = browser.new_page(), []
-    page.on('console', lambda message: said.append(message.text))
-    page.on('pageerror', lambda error: said.append(str(error)))
+    page, messages = browser.new_page(), []
+    page.on('console', lambda message: messages.append(message.text))
+    page.on('pageerror', lambda error: messages.append(str(error)))
     with page.expect_websocket() as opened:
         page.goto(server.address)
     page.wait_for_function('document.getElementById("state").textContent === ""')
@@ -137,9 +137,9 @@ def test_the_page_follows_a_walk_and_commands(server, browser):
     page.keyboard.press('Home')
     server.send(frame(122, health={'voxel_0_1': [2, 'killed']}))
     page.wait_for_function('player.walk.duration > 2')
-    assert page.evaluate('player.time') == 0  # who looks back stays there
+    assert page.evaluate('player.time') == 0  # after seeking it stays there
     assert page.text_content('#node') == 'voxel_0_1: killed'
     server.close()
     page.wait_for_function('document.getElementById("state").textContent !== ""')
     page.close()
-    assert said == []
+    assert messages == []
