@@ -454,7 +454,7 @@ def test_channels_differ_between_voxels(tmp_path):
         [m for m in step if m[0] != voxel('spikes')] + [odd[k]]
         for k, step in enumerate(messages_of_walk(make_walk(3))[:3])
     ]
-    assert 'the same in all voxels' in refused(write_messages(tmp_path / 'bag', messages))
+    assert 'the same shape in all voxels' in refused(write_messages(tmp_path / 'bag', messages))
 
 
 def test_bytes_of_another_layout_are_refused(tmp_path, monkeypatch):
