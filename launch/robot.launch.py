@@ -1,4 +1,4 @@
-"""Bring up one robot: its simulation, its voxels, each a process, and a recorder.
+"""Start one robot: a simulation, a process per voxel (or per group of voxels), and a recorder.
 
 ros2 launch snca_ros robot.launch.py controller:=FILE.npz bag:=walk.bag voxels_per_process:=1
 """
@@ -26,26 +26,26 @@ from snca_ros.graph.description import WalkOptions, describe_graph
 
 
 def _declared(name, more=''):
-    """Return default and text of an argument that `WalkOptions` declares."""
+    """Return the default and the description of an argument that `WalkOptions` declares."""
     f = declaration(WalkOptions, name)
     return str(f.default), describe(f) + more
 
 
 ARGUMENTS = {
     'controller': (DEFAULT_CONTROLLER, 'controller file, or the name of a bundled one'),
-    'robot': ('', 'namespace; default: the shape'),
-    'terrain': ('', 'default: the terrain of the controller file'),
+    'robot': ('', 'namespace of the robot; default: the name of its shape'),
+    'terrain': ('', 'name of the terrain; default: the terrain of the controller file'),
     'duration': _declared('duration', '; 0: until stopped'),
     'real_time_factor': _declared('real_time_factor'),
     'voxels_per_process': _declared('voxels_per_process'),
-    'bag': ('', 'bag to write; empty: none'),
+    'bag': ('', 'folder of the bag to write; empty: nothing is recorded'),
     'storage': _declared('storage'),
     'faults': ('', FAULTS_HELP),
 }
 
 
 def _nodes(context):
-    """Turn the description of the graph into launch actions."""
+    """Return the launch actions of the graph."""
     value = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     path = find_controller(value['controller'])
     options = WalkOptions(

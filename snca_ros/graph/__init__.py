@@ -1,1 +1,1 @@
-"""The processes of one robot: described, started, watched, ended."""
+"""The processes of one robot: their description, start, supervision and end."""

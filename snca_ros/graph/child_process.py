@@ -1,4 +1,4 @@
-"""Processes that must not outlive the one that started them."""
+"""Child processes that end with their parent, and their names in `ps`."""
 
 import ctypes
 import os
@@ -6,13 +6,13 @@ import signal
 import sys
 
 PARENT = 'SNCA_ROS_PARENT'
-"""Environment variable in which a parent hands its process id to its children."""
+"""Environment variable that holds the process id of the parent."""
 
 _PR_SET_PDEATHSIG, _PR_SET_NAME = 1, 15
 
 
 def end_with_parent() -> None:
-    """Let this process end when the process that started the graph ends, however it does."""
+    """Make the kernel end this process when the process that started the graph ends."""
     parent = os.environ.pop(PARENT, '')
     if not parent or not sys.platform.startswith('linux'):
         return
@@ -22,5 +22,5 @@ def end_with_parent() -> None:
 
 
 def name_process(name: str) -> None:
-    """Let `ps` and `top` show this process by a name, of which they keep 15 characters."""
+    """Set the name of this process in `ps` and `top`, which show 15 characters of it."""
     ctypes.CDLL(None).prctl(_PR_SET_NAME, name.encode())

@@ -1,6 +1,6 @@
-"""The graph of one robot as processes: the one description behind `walk` and `ros2 launch`.
+"""The processes of one robot's graph with their parameters, for `snca walk` and `ros2 launch`.
 
-Nothing in here imports ROS.
+This module does not import ROS.
 """
 
 import os
@@ -26,9 +26,9 @@ class NodeProcess:
     """One process of the graph.
 
     Attributes:
-        executable: as `ros2 run snca_ros <executable>`.
-        names: arguments before --ros-args; the names of the nodes of a voxel process.
-        parameters: node name to its parameters.
+        executable: its name for `ros2 run snca_ros <executable>`.
+        names: arguments before --ros-args: the names of the nodes of a voxel process.
+        parameters: parameters of each node, by the node's name.
     """
 
     executable: str
@@ -37,7 +37,7 @@ class NodeProcess:
 
     @property
     def name(self) -> str:
-        """Return the name of its first node."""
+        """Return the name of the first node of the process."""
         return next(iter(self.parameters))
 
 
@@ -47,8 +47,8 @@ class Graph:
 
     Attributes:
         robot: the namespace.
-        simulation, voxels, recorder: its processes on this machine; simulation None if it runs on
-            another one, recorder None if nothing is recorded.
+        simulation, voxels, recorder: processes on this machine; simulation is None if it runs on
+            another machine, recorder is None if nothing is recorded.
     """
 
     robot: str
@@ -58,18 +58,18 @@ class Graph:
 
     @property
     def processes(self) -> tuple[NodeProcess, ...]:
-        """Return all processes in the order in which they should be started."""
+        """Return all processes in the order in which to start them."""
         return tuple(p for p in (self.recorder, self.simulation, *self.voxels) if p)
 
     def enclave(self, name: str) -> str:
         """Return the SROS 2 enclave of the process whose first node is `name`.
 
-        Without security it is a name that nobody looks up.
+        ROS ignores it when security is off.
         """
         return f'/{self.robot}/{name}'
 
     def parameters_yaml(self) -> str:
-        """Return the params file (--params-file) of all nodes."""
+        """Return the content of a params file (--params-file) with the parameters of all nodes."""
         nodes = {}
         for process in self.processes:
             for name, values in process.parameters.items():
@@ -79,13 +79,13 @@ class Graph:
 
 @dataclass(frozen=True)
 class WalkOptions(Checked):
-    """What a person chooses about a walk; see the help of `snca walk`.
+    """Options of a walk; see the help of `snca walk`.
 
-    `only` chooses the voxels of this machine, as `choose_voxels` has it; with `one_walk` they end
-    when their simulation has.
+    `only` selects the voxels of this machine (see `choose_voxels`); with `one_walk` they end when
+    the simulation ends.
 
     Raises:
-        InvalidInput: a value is off.
+        InvalidInput: a value has the wrong type or is out of range.
     """
 
     robot: str = ''
@@ -103,10 +103,10 @@ class WalkOptions(Checked):
 
     @property
     def patience(self) -> float:
-        """Return how long a voxel waits for a neighbour [s]; 0, for ever, unless runs go on.
+        """Return how long a voxel waits for a neighbour [s]; 0 means without limit.
 
-        Well below the simulation's own limit, so that a dead voxel does not take its neighbours
-        with it.
+        There is a limit only if `on_silence` is `go_on`. It is a quarter of `silence_limit`, so
+        that the neighbours of a dead voxel answer before the simulation takes them for silent too.
         """
         if self.simulation.get('on_silence') != 'go_on':
             return 0.0
@@ -116,10 +116,15 @@ class WalkOptions(Checked):
 def describe_graph(
     controller: Path, trained: TrainedController, options: WalkOptions
 ) -> Graph:
-    """Return the processes that let the robot of a controller file walk.
+    """Return the graph of the robot of a controller file.
+
+    Args:
+        controller: path of the controller file.
+        trained: its content.
+        options: of the walk.
 
     Raises:
-        InvalidInput: an option is off.
+        InvalidInput: the robot's name is no ROS name, or `only` names no voxels of this robot.
     """
     morphology = trained.morphology
     k = options.voxels_per_process
@@ -151,12 +156,12 @@ def describe_graph(
 
 
 def choose_voxels(morphology: Morphology, only: str) -> tuple[str, ...]:
-    """Return the names of some voxels, in index order.
+    """Return the names of the voxels that `only` selects, in index order.
 
     Args:
         morphology: of the robot.
-        only: `K/N`, the Kth of N equal shares; or names, voxel_<x>_<y>, with commas between them;
-            or `none`; all if empty.
+        only: `K/N`, the Kth of N equal shares; or names, voxel_<x>_<y>, separated by commas; or
+            `none`; empty for all.
 
     Raises:
         InvalidInput: there is no such share or voxel.
@@ -209,6 +214,6 @@ def _voxel_parameters(
 
 
 def robot_name(morphology: Morphology) -> str:
-    """Return the namespace that a robot of this shape gets if nobody names one."""
+    """Return the default namespace of a robot of this shape."""
     text = ''.join(c if c.isascii() and c.isalnum() else '_' for c in morphology.name)
     return text if text[:1].isalpha() else f'robot_{text}'

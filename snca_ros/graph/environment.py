@@ -1,20 +1,21 @@
-"""What the processes of a graph need in their environment: Fast DDS profiles, and their reach."""
+"""Environment variables of a graph's processes: the Fast DDS profile and the discovery range."""
 
 import os
 
 from snca_ros.bundled import config_folders
 
 PROFILE_VARIABLES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
-"""What names the profile of Fast DDS 2, which Jazzy has, and of Fast DDS 3."""
+"""Environment variables that name the profile: of Fast DDS 2 (in Jazzy) and of Fast DDS 3."""
 
 
 def graph_environment(reach: str = 'loopback') -> dict[str, str]:
-    """Return what a graph's processes need in their environment to reach each other.
+    """Return the environment variables that a graph's processes need to discover each other.
 
-    A profile of the user's own, or another middleware than Fast DDS, is left as it is.
+    Returns nothing if the user has set a profile. For another middleware than Fast DDS it sets the
+    discovery range only.
 
     Args:
-        reach: `loopback` keeps the graph on this host; `network` is for voxels on several.
+        reach: `loopback` for a graph on this host alone, `network` for voxels on several hosts.
     """
     if any(name in os.environ for name in PROFILE_VARIABLES):
         return {}
@@ -24,7 +25,7 @@ def graph_environment(reach: str = 'loopback') -> dict[str, str]:
     if profile is None or 'fastrtps' not in rmw:
         alone = reach == 'loopback'
         return {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST' if alone else 'SUBNET'}
-    # The profile chooses the interfaces. LOCALHOST would replace its transports.
+    # The profile selects the interfaces. LOCALHOST would replace its transports.
     return {
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
         **dict.fromkeys(PROFILE_VARIABLES, str(profile)),

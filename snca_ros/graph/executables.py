@@ -1,4 +1,4 @@
-"""The ROS nodes as programs, by the names under which `ros2 run` and `snca` start them."""
+"""The executables that run ROS nodes, by the names that `ros2 run` and `snca` use."""
 
 import signal
 from pkgutil import resolve_name
@@ -12,7 +12,7 @@ NODES = {
     'voxel_node': ('snca_ros.nodes.voxel', 'one voxel (or several) as a ROS node'),
     'recorder_node': ('snca_ros.nodes.recorder', 'records the graph into a bag'),
 }
-"""Nodes, which take --ros-args: module and what it does."""
+"""Module and help text of each executable; all of them take --ros-args."""
 
 
 _INTERFACES = {
@@ -33,7 +33,7 @@ def run_node(name: str, argv: list[str]) -> int:
 
 def _run(module: str, argv: list[str]) -> int:
     end_with_parent()
-    # Until the node has its own handlers, asked to end means that there is nothing to finish.
+    # Before the node installs its own handlers there is nothing to finish: a signal just ends it.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:

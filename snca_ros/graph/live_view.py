@@ -1,4 +1,4 @@
-"""(ROS) The live page of a running graph: it shows the robot and obeys the page's commands."""
+"""(ROS) The live page of a running graph: it shows the robot and executes the page's commands."""
 
 import rclpy
 
@@ -11,20 +11,20 @@ from snca_ros.web.page import live_page
 from snca_ros.web.server import PageServer
 
 LOSS = 0.5
-"""Share of the messages that a voxel with noise does not hear: the fault `loss`."""
+"""The fault `loss` of a voxel with noise: the share of messages that it does not receive."""
 
 
 class LiveView:
-    """The live page of a running graph: it tells how the robot is and obeys its page.
+    """The live page of a running graph: it sends frames to the page and executes its commands.
 
     Args:
         port: of the page; 0 for a free one.
         trained: the controller.
-        terrain: its name.
+        terrain: name of the terrain.
         running: the graph.
 
     Raises:
-        InvalidInput: the port cannot be had.
+        InvalidInput: the port is not available.
     """
 
     def __init__(
@@ -33,26 +33,26 @@ class LiveView:
         robot, self._running = running.graph.robot, running
         page = live_page(trained, parse_terrain(terrain), f'{robot} on {terrain}')
         self._server = PageServer(port, page)
-        self._node = ViewNode(robot, trained, self._server.tell)
+        self._node = ViewNode(robot, trained, self._server.send)
         self._processes = {name: p for p in running.graph.voxels for name in p.names}
         self._killed: set[NodeProcess] = set()
         self.address = self._server.address
 
     def spin_once(self) -> None:
-        """Do what is due, within a frame's time."""
+        """Process ROS messages and the page's commands, for at most the period of a frame."""
         rclpy.spin_once(self._node, timeout_sec=PERIOD)
         for revived in [p for p in self._killed if self._running.exit_code(p) is None]:
-            self._killed.remove(revived)  # started again, by the page or to respawn it
+            self._killed.remove(revived)  # restarted, by the page or by --respawn
             for name in revived.names:
                 self._node.note_started(name)
         while not self._server.commands.empty():
             command = self._server.commands.get()
             process = self._processes.get(str(command.get('voxel')))
             if process is not None:
-                self._obey(str(command.get('action')), process)
+                self._execute(str(command.get('action')), process)
 
-    def _obey(self, action: str, process: NodeProcess) -> None:
-        """Kill, revive or disturb the process of a voxel, and of those that share it."""
+    def _execute(self, action: str, process: NodeProcess) -> None:
+        """Kill the process of one or more voxels, restart it, or restart it with noise."""
         if action not in ('kill', 'revive', 'noise'):
             return
         if action in ('kill', 'noise'):
@@ -61,10 +61,10 @@ class LiveView:
             for name in process.names:
                 self._node.note_killed(name)
         if action in ('revive', 'noise') and self._running.exit_code(process) is not None:
-            disturbed = {'loss': LOSS} if action == 'noise' else {}
-            self._running.start_again(process, **disturbed)
+            parameters = {'loss': LOSS} if action == 'noise' else {}
+            self._running.start_again(process, **parameters)
 
     def close(self) -> None:
-        """Close the page's connections and the port."""
+        """Destroy the node, and close the page's connections and the port."""
         self._node.destroy_node()
         self._server.close()

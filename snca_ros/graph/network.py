@@ -1,30 +1,34 @@
-"""The network between the machines that share a robot."""
+"""Waits for a network interface, for robots whose voxels run on several machines."""
 
 import sys
 import time
 from pathlib import Path
 
-_PATIENCE, _LOOK_PERIOD = 10.0, 0.05  # s
+_PATIENCE, _POLL_PERIOD = 10.0, 0.05  # s
 
 
 def await_network(interfaces: Path = Path('/sys/class/net'), patience: float = _PATIENCE) -> None:
-    """Wait until an interface beside the loopback runs, at most `patience` seconds.
+    """Wait until an interface other than the loopback is up, at most `patience` seconds.
 
-    Fast DDS uses the interfaces that run when a node starts. A machine that boots starts its
-    nodes before; and of a new virtual cable the kernel says up to a second late that it runs.
+    Fast DDS uses only the interfaces that are up when a node starts. A booting machine may start
+    nodes earlier, and the kernel reports a new veth pair as up with a delay of up to a second.
+
+    Args:
+        interfaces: folder of sysfs with a subfolder per interface.
+        patience: how long to wait [s].
     """
     states = [p / 'operstate' for p in interfaces.glob('*') if p.name != 'lo']
     deadline = time.monotonic() + patience
-    while states and not any(_runs(state) for state in states):
+    while states and not any(_is_up(state) for state in states):
         if time.monotonic() > deadline:
             names = ', '.join(sorted(state.parent.name for state in states))
-            print(f'no network: of {names} none runs; going on without', file=sys.stderr)
+            print(f'no network interface is up ({names}); starting anyway', file=sys.stderr)
             return
-        time.sleep(_LOOK_PERIOD)
+        time.sleep(_POLL_PERIOD)
 
 
-def _runs(state: Path) -> bool:
+def _is_up(state: Path) -> bool:
     try:
-        return state.read_text().strip() in ('up', 'unknown')  # tunnels are never said to be up
-    except OSError:  # unplugged meanwhile
+        return state.read_text().strip() in ('up', 'unknown')  # tunnels are never reported as up
+    except OSError:  # the interface was removed
         return False

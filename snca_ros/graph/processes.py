@@ -1,4 +1,4 @@
-"""Starting, watching and ending the processes of a graph, leaving none behind."""
+"""Starts and ends the processes of a graph and reports their exit codes."""
 
 import gc
 import importlib
@@ -19,14 +19,14 @@ from snca_ros.graph.child_process import PARENT, name_process
 from snca_ros.graph.description import Graph, NodeProcess
 from snca_ros.graph.executables import run_node
 
-_LOOK_PERIOD = 0.01  # seconds between looks at whether a fork has ended
-_PATIENCE = 10.0  # seconds for a process to end by itself before it is killed
+_POLL_PERIOD = 0.01  # seconds between checks whether a fork has ended
+_PATIENCE = 10.0  # seconds that a process has to end after SIGINT before it is killed
 
 
 class _Fork:
-    """A child that goes on as a node in a copy of this process: nothing is imported again.
+    """A child process that runs a node in a fork of this process, without importing again.
 
-    What `RunningGraph` uses of `subprocess.Popen`.
+    It has the methods of `subprocess.Popen` that `RunningGraph` uses.
     """
 
     def __init__(self, arguments: list[str], environment: dict[str, str], title: str) -> None:
@@ -47,10 +47,10 @@ class _Fork:
             finally:
                 sys.stdout.flush()
                 sys.stderr.flush()
-                os._exit(code)  # what else this process was about to do is its parent's to do
+                os._exit(code)  # without the parent's clean-up
 
     def poll(self) -> int | None:
-        """Return the exit code, minus the signal's number if one ended it, None while it runs."""
+        """Return the exit code, minus its number if a signal ended the child; None if it runs."""
         if self.returncode is None:
             pid, status = os.waitpid(self.pid, os.WNOHANG)
             if pid:
@@ -58,26 +58,26 @@ class _Fork:
         return self.returncode
 
     def wait(self, timeout: float | None = None) -> int:
-        """Wait for the exit code; subprocess.TimeoutExpired."""
+        """Wait for the exit code and return it, or raise subprocess.TimeoutExpired."""
         deadline = math.inf if timeout is None else time.monotonic() + timeout
         while (code := self.poll()) is None:
             if time.monotonic() > deadline:
                 raise subprocess.TimeoutExpired(f'process {self.pid}', timeout or 0.0)
-            time.sleep(_LOOK_PERIOD)
+            time.sleep(_POLL_PERIOD)
         return code
 
     def send_signal(self, number: int) -> None:
-        """Send a signal, unless the child has ended and been noticed."""
+        """Send a signal unless the child has ended."""
         if self.poll() is None:
             os.kill(self.pid, number)
 
     def kill(self) -> None:
-        """End it at once."""
+        """End the child with SIGKILL."""
         self.send_signal(signal.SIGKILL)
 
 
 def _become_node(arguments: list[str], environment: dict[str, str], title: str) -> int:
-    """Run a node in a process that was just forked; return its exit code."""
+    """Run a node in this newly forked process; return its exit code."""
     os.setsid()
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.environ.clear()
@@ -88,7 +88,7 @@ def _become_node(arguments: list[str], environment: dict[str, str], title: str) 
 
 
 def _can_fork() -> bool:
-    """Tell whether a copy of this process could start nodes: no threads, and no ROS at work."""
+    """Return whether a fork of this process can run nodes: no threads and no ROS context yet."""
     rclpy = sys.modules.get('rclpy')
     return (
         sys.platform.startswith('linux')
@@ -99,14 +99,14 @@ def _can_fork() -> bool:
 
 
 class RunningGraph:
-    """The processes of a graph; a context manager that ends them all.
+    """The running processes of a graph; a context manager that starts and ends them.
 
-    Where this process has loaded ROS but not yet begun to use it, the voxels are forks of it. Each
-    has its own ROS context all the same, but what all of them import and compile is loaded once.
+    If this process has imported rclpy but not initialised it, voxels are forks of this process:
+    each has its own ROS context, and modules and compiled code are loaded once for all of them.
 
     Args:
-        graph: what to start.
-        environment: added to the processes' environment.
+        graph: the processes to start.
+        environment: variables to add to their environment.
     """
 
     def __init__(self, graph: Graph, environment: dict[str, str]) -> None:
@@ -121,7 +121,7 @@ class RunningGraph:
         if _can_fork():
             importlib.import_module('snca_ros.nodes.voxel')
             gc.collect()
-            gc.freeze()  # the collector shall not write into the pages that the voxels share
+            gc.freeze()  # so that the collector does not write to pages shared by the voxels
         try:
             for process in self.graph.processes:
                 self._children[process] = self._start(process)
@@ -131,11 +131,11 @@ class RunningGraph:
         return self
 
     def start_again(self, process: NodeProcess, **parameters: object) -> None:
-        """Start a process that has ended once more, with other `parameters` if any are given."""
+        """Restart a process that has ended, with these `parameters` of its nodes changed."""
         self._children[process] = self._start(process, parameters)
 
     def kill(self, process: NodeProcess) -> None:
-        """End a process as `kill -9` does, and wait until it has ended."""
+        """End a process with SIGKILL and wait until it has ended."""
         self._children[process].kill()
         self._children[process].wait()
 
@@ -151,13 +151,13 @@ class RunningGraph:
         if process in self.graph.voxels and _can_fork():
             return _Fork(arguments, self._environment, process.name)
         command = [sys.executable, '-m', 'snca_ros', *arguments]
-        # A session of its own: Ctrl-C reaches the walk alone, which ends the others in order.
+        # In its own session: Ctrl-C reaches only the walk, which ends the others in order.
         return subprocess.Popen(
             command, env=self._environment, stdin=subprocess.DEVNULL, start_new_session=True
         )
 
     def __exit__(self, *exc_info: object) -> None:
-        """End the simulation, then the voxels, then the recorder, each cleanly if it can."""
+        """End the simulation, then the voxels, then the recorder; kill what does not end."""
         graph = self.graph
         for group in ((graph.simulation,), graph.voxels, (graph.recorder,)):
             self._end([self._children[p] for p in group if p and p in self._children])
@@ -177,7 +177,7 @@ class RunningGraph:
                 child.wait()
 
     def wait(self, process: NodeProcess, timeout: float) -> int:
-        """Wait until a process ends and return its exit code; subprocess.TimeoutExpired."""
+        """Return the exit code of a process when it ends, or raise subprocess.TimeoutExpired."""
         return self._children[process].wait(timeout)
 
     def exit_code(self, process: NodeProcess) -> int | None:
@@ -185,7 +185,7 @@ class RunningGraph:
         return self._children[process].poll()
 
     def pids(self) -> dict[NodeProcess, int]:
-        """Return the process ids."""
+        """Return the process id of each process."""
         return {process: child.pid for process, child in self._children.items()}
 
     def ended(self) -> list[NodeProcess]:

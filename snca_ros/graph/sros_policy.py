@@ -1,4 +1,4 @@
-"""(ROS) The SROS 2 policy of a robot: which node may publish, subscribe and serve what."""
+"""(ROS) The SROS 2 policy of a robot: the topics and services that each node may use."""
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ _SIMULATION_TOPICS = tuple(
     topic.name for topic in SIM_NODE.publishes
     if not topic.of_voxel and topic not in (DIAGNOSTICS, ROSOUT)
 )
-_SPOKEN_BY_ALL = (DIAGNOSTICS.name, '/parameter_events', ROSOUT.name)
+_PUBLISHED_BY_ALL = (DIAGNOSTICS.name, '/parameter_events', ROSOUT.name)
 _SERVED_BY_ALL = tuple(f'~/{name}' for name in (
     'describe_parameters', 'get_parameter_types', 'get_parameters', 'get_type_description',
     'list_parameters', 'set_parameters', 'set_parameters_atomically',
@@ -22,9 +22,14 @@ _SERVED_BY_ALL = tuple(f'~/{name}' for name in (
 
 @dataclass(frozen=True)
 class Access:
-    """What a node may publish, subscribe to and serve, besides what every node does.
+    """The topics and services that a node may use, besides those that every node uses.
 
     Names are relative to the robot's namespace, unless they begin with / or ~.
+
+    Attributes:
+        publish: topics that it may publish.
+        subscribe: topics to which it may subscribe.
+        reply: services that it may serve.
     """
 
     publish: tuple[str, ...] = ()
@@ -33,39 +38,45 @@ class Access:
 
 
 def access_of_nodes(graph: Graph, messages: str) -> dict[str, Access]:
-    """Return what each node of a robot may do, by its name.
+    """Return the access of each node of a robot, by the node's name.
 
     Args:
-        graph: of the whole robot.
+        graph: the whole robot, with simulation and recorder.
         messages: topic of the cells' messages, `spikes` or `values`.
     """
     voxels = {n: values for process in graph.voxels for n, values in process.parameters.items()}
     sensors = tuple(SENSORS.of(voxel) for voxel in voxels)
     actuation = tuple(ACTUATION.of(voxel) for voxel in voxels)
-    said = tuple(f'{voxel}/{messages}' for voxel in voxels)
+    cell_messages = tuple(f'{voxel}/{messages}' for voxel in voxels)
     access = {
         SIM_NODE.name: Access(
             (*_SIMULATION_TOPICS, *sensors), actuation,
             tuple(service.name for service in SIM_NODE.serves),
         ),
         RECORDER_NODE.name: Access((), (
-            *_SIMULATION_TOPICS, *sensors, *actuation, *said, DIAGNOSTICS.name, ROSOUT.name,
+            *_SIMULATION_TOPICS, *sensors, *actuation, *cell_messages, DIAGNOSTICS.name,
+            ROSOUT.name,
         )),
         'walk': Access((), (DIAGNOSTICS.name,)),
         'voxels': Access(),
     }
     for voxel, values in voxels.items():
         neighbors = [name for key, name in values.items() if key.startswith('neighbor.')]
-        heard = tuple(f'{neighbor}/{messages}' for neighbor in neighbors)
+        of_neighbors = tuple(f'{neighbor}/{messages}' for neighbor in neighbors)
         access[voxel] = Access(
             (ACTUATION.of(voxel), f'{voxel}/{messages}'),
-            (SENSORS.of(voxel), ACTUATION.of(voxel), *heard),
+            (SENSORS.of(voxel), ACTUATION.of(voxel), *of_neighbors),
         )
     return access
 
 
 def policy_xml(graph: Graph, messages: str) -> str:
-    """Return the SROS 2 policy of a robot: an enclave for each of its processes."""
+    """Return the SROS 2 policy of a robot as XML, with an enclave for each process.
+
+    Args:
+        graph: the whole robot, with simulation and recorder.
+        messages: topic of the cells' messages, `spikes` or `values`.
+    """
     access = access_of_nodes(graph, messages)
     enclaves = {graph.enclave(p.name): tuple(p.parameters) for p in graph.processes}
     enclaves.update({graph.enclave(name): (name,) for name in ('walk', 'voxels')})
@@ -76,7 +87,7 @@ def policy_xml(graph: Graph, messages: str) -> str:
         for node in nodes:
             profile = ET.SubElement(profiles, 'profile', ns=f'/{graph.robot}', node=node)
             mine = access[node]
-            _allow(profile, 'topic', 'publish', (*_SPOKEN_BY_ALL, *mine.publish))
+            _allow(profile, 'topic', 'publish', (*_PUBLISHED_BY_ALL, *mine.publish))
             _allow(profile, 'topic', 'subscribe', mine.subscribe)
             _allow(profile, 'service', 'reply', (*_SERVED_BY_ALL, *mine.reply))
     ET.indent(policy)

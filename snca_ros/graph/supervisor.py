@@ -1,4 +1,4 @@
-"""(ROS) Running a graph to its end: how far it is, and what becomes of processes that end early."""
+"""(ROS) Runs a graph until its simulation ends, and handles processes that end early."""
 
 import os
 import sys
@@ -18,19 +18,19 @@ from snca_ros.graph.environment import graph_environment
 from snca_ros.graph.network import await_network
 from snca_ros.graph.processes import RunningGraph
 
-_LOOK_PERIOD = 0.2  # seconds between looks at who has ended
+_POLL_PERIOD = 0.2  # seconds between checks whether a process has ended
 
 
 class View(Protocol):
-    """A live view of a walk, as `snca_ros.graph.live_view.LiveView`."""
+    """A live view of a walk, such as `snca_ros.graph.live_view.LiveView`."""
 
     address: str
 
     def spin_once(self) -> None:
-        """Do what is due, within a frame's time."""
+        """Update the view and execute its commands, for at most the period of a frame."""
 
     def close(self) -> None:
-        """End the view."""
+        """Close the view."""
 
 
 def supervise_walk(
@@ -39,16 +39,19 @@ def supervise_walk(
     respawn: bool = False,
     open_view: Callable[[RunningGraph], View] | None = None,
 ) -> int:
-    """Run a graph until its simulation is done; return 0 if it was, 1 if a process failed.
+    """Run a graph until its simulation ends.
 
-    Progress, and processes that end early, are told on standard error.
+    Progress, and processes that end early, are reported on standard error.
 
     Args:
-        graph: its simulation is on this machine.
+        graph: with its simulation on this machine.
         options: of the walk. In lock-step a voxel that ends also ends the walk; in real time the
-            robot goes on without it.
-        respawn: start voxels again that a signal has ended.
+            walk continues without it.
+        respawn: whether to restart voxels that a signal has ended.
         open_view: opens a live view of the running graph.
+
+    Returns:
+        0, or 1 if a process failed.
     """
     environment = graph_environment('network' if options.only else 'loopback')
     os.environ.update(environment)
@@ -59,14 +62,14 @@ def supervise_walk(
 
 
 def supervise_voxels(graph: Graph, respawn: bool = False) -> int:
-    """Run voxels of a graph until their simulation, on another machine, is done.
+    """Run voxels of a graph whose simulation is on another machine, until the simulation ends.
 
     Args:
         graph: without simulation; its voxels end by themselves after one walk.
-        respawn: start voxels again that a signal has ended.
+        respawn: whether to restart voxels that a signal has ended.
 
     Returns:
-        0, or 1 if a voxel has failed.
+        0, or 1 if a voxel failed.
     """
     environment = graph_environment('network')
     os.environ.update(environment)
@@ -76,14 +79,14 @@ def supervise_voxels(graph: Graph, respawn: bool = False) -> int:
 
 
 class _Watch:
-    """The processes of a running graph that end early.
+    """Reports processes of a running graph that have ended early, and restarts them.
 
     Args:
         running: the graph.
-        respawn: start voxels again that a signal has ended.
+        respawn: whether to restart processes that a signal has ended.
 
     Attributes:
-        given_up: those that have ended and are not started again.
+        given_up: processes that have ended and are not restarted.
     """
 
     def __init__(self, running: RunningGraph, respawn: bool) -> None:
@@ -93,20 +96,20 @@ class _Watch:
     def ended(self) -> list[tuple[NodeProcess, int]]:
         """Return the processes that have ended and are not given up, with their exit codes."""
         ended = self._running.ended()
-        self.given_up.intersection_update(ended)  # a live view has started others again
+        self.given_up.intersection_update(ended)  # a live view may have restarted some
         return [(p, self._running.wait(p, 0.0)) for p in ended if p not in self.given_up]
 
     def start_again(self, process: NodeProcess, code: int, message: str) -> bool:
-        """Start a process again if a signal has ended it; return whether it was."""
+        """Restart a process if a signal has ended it; return whether it was restarted."""
         if not self._respawn or code >= 0:  # minus the number of a signal
             return False
-        print(f'{message}: started again', file=sys.stderr)
+        print(f'{message}: restarted', file=sys.stderr)
         self._running.start_again(process)
         return True
 
 
 class _Progress:
-    """How far a walk is, by the diagnostics of its simulation, on a terminal."""
+    """Shows the progress of a walk on a terminal, from the diagnostics of its simulation."""
 
     def __init__(self, node: Node, robot: str, duration: float) -> None:
         self._name, self._duration, self._steps = f'/{robot}/sim_node', duration, 0
@@ -121,11 +124,11 @@ class _Progress:
                     self._steps = int(counters['steps'])
 
     def show(self) -> None:
-        """Show how far it is."""
+        """Show the simulated time so far."""
         self._print(self._steps / CONTROL_RATE, end='')
 
     def finish(self) -> None:
-        """Show that it is done."""
+        """Show that the walk has ended."""
         self._print(self._duration, end='\n')
 
     def _print(self, time: float, end: str) -> None:
@@ -143,20 +146,20 @@ def _watch_walk(
     graph, watch, view = running.graph, _Watch(running, respawn), None
     assert graph.simulation is not None
     arguments = ['--ros-args', '--enclave', graph.enclave('walk')]
-    # The forks have begun before, without a context of this process.
+    # All forks were made before this: they must not inherit a ROS context.
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node('walk', namespace=f'/{graph.robot}', enable_rosout=False)
         progress = _Progress(node, graph.robot, options.duration)
         if open_view:
             view = open_view(running)
-            print(f'see it walk: {view.address}', file=sys.stderr, flush=True)
+            print(f'live view: {view.address}', file=sys.stderr, flush=True)
         while running.exit_code(graph.simulation) is None:
-            rclpy.spin_once(node, timeout_sec=0.0 if view else _LOOK_PERIOD)
+            rclpy.spin_once(node, timeout_sec=0.0 if view else _POLL_PERIOD)
             if view:
                 view.spin_once()
             progress.show()
-            if not _goes_on(graph, watch, options.real_time_factor > 0.0):
+            if not _can_continue(graph, watch, options.real_time_factor > 0.0):
                 return 1
         progress.finish()
         node.destroy_node()
@@ -167,8 +170,8 @@ def _watch_walk(
     return 0 if running.exit_code(graph.simulation) == 0 else 1
 
 
-def _goes_on(graph: Graph, watch: _Watch, real_time: bool) -> bool:
-    """Deal with the processes that have ended; return whether the walk can go on without them."""
+def _can_continue(graph: Graph, watch: _Watch, real_time: bool) -> bool:
+    """Restart or report the processes that have ended; return whether the walk can continue."""
     for process, code in watch.ended():
         if process is graph.simulation:
             continue
@@ -179,16 +182,16 @@ def _goes_on(graph: Graph, watch: _Watch, real_time: bool) -> bool:
         if not (is_voxel and real_time):
             print(message, file=sys.stderr)
             return False
-        print(f'{message}: the robot goes on without', file=sys.stderr)
+        print(f'{message}: the walk continues without it', file=sys.stderr)
         watch.given_up.add(process)
     return True
 
 
 def _watch_voxels(running: RunningGraph, respawn: bool) -> int:
-    """Wait until a voxel ends because its simulation has, or until all have failed."""
+    """Wait until a voxel ends because its simulation has ended, or until all voxels have failed."""
     watch = _Watch(running, respawn)
     while len(watch.given_up) < len(running.graph.voxels):
-        time.sleep(_LOOK_PERIOD)
+        time.sleep(_POLL_PERIOD)
         for process, code in watch.ended():
             if code == 0:
                 return 1 if watch.given_up else 0

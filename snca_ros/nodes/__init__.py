@@ -1,1 +1,1 @@
-"""(ROS) The voxel and recorder nodes, and the graph of processes that they make."""
+"""(ROS) The voxel node, the recorder node and the node of the live view."""

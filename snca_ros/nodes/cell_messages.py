@@ -1,4 +1,4 @@
-"""(ROS) What cells send each other, as messages: spike trains and values."""
+"""(ROS) Encodes and decodes the messages between cells: spike trains or values."""
 
 import numpy as np
 from sensor_msgs.msg import Image
@@ -13,14 +13,14 @@ from snca_ros.nodes.interfaces import SPIKES, VALUES
 
 
 class CellMessages:
-    """Messages between the cells of one architecture, as sensor_msgs/Image.
+    """Encodes and decodes the messages that a voxel's cell sends, as sensor_msgs/Image.
 
     A row is a channel: 16 SNN steps as mono8 pixels 0 or 255 (topic `spikes`), or one 64FC1
     value (topic `values`). A directional cell stacks the channels for above, left, below, right.
 
     Args:
-        architecture: of the cells.
-        voxel: name of the sender.
+        architecture: of the cell.
+        voxel: name of the sending voxel.
     """
 
     def __init__(self, architecture: Architecture, voxel: str) -> None:
@@ -69,7 +69,8 @@ class CellMessages:
         """Return (episode, step, (n_destinations, n_c, width) spikes 0.0/1.0 or values).
 
         Raises:
-            InvalidInput: a fixed part, the stamp, a pixel or a value is not what it should be.
+            InvalidInput: this is no Image of this voxel's cell, or its stamp is no control step,
+                or a pixel or value is out of range.
         """
         try:
             stamp, (numbers, episode) = self._wire.decode(data, 'data', 'episode')
@@ -79,7 +80,7 @@ class CellMessages:
             raise InvalidInput('message', str(error), 'a sensor_msgs/Image') from None
         if self._spiking:
             if numbers.tobytes().strip(b'\x00\xff'):
-                raise InvalidInput('data', 'other pixels', '0 or 255 in every pixel')
+                raise InvalidInput('data', 'other pixel values', '0 or 255 in every pixel')
             numbers = numbers / 255.0
         elif not (np.abs(numbers) <= 1.0).all():
             raise InvalidInput('data', numbers.tolist(), 'values from -1 to 1')

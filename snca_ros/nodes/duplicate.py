@@ -1,4 +1,4 @@
-"""(ROS) Whether another node answers for the same voxel already."""
+"""(ROS) Detects another node that publishes the actuation of the same voxel."""
 
 import time
 
@@ -9,24 +9,25 @@ from sim_node.ros.node_base import RosNode
 from sim_node.ros.sim_interface import ACTUATION
 from sim_node.ros.topics import actuation_format, read_joint_state, stream_qos
 
-_TELL_LIMIT = 1.0  # seconds after which a double that was seen has been heard, if it answers
+_LISTENING_TIME = 1.0  # seconds within which a message of an active duplicate arrives
 
 
-class Double:
-    """A node of the same voxel elsewhere, started by mistake or by somebody hostile.
+class DuplicateDetector:
+    """Detects another node of the same voxel, started by mistake or by an attacker.
 
-    Two of them would say different things. So whoever comes second holds itself back until the
-    first is gone. Processes that were killed are not seen by those that start after them.
+    Two nodes of a voxel would publish different actuation. So the node that starts second does
+    not publish until the first is gone. DDS does not report processes that were killed before this
+    one started.
 
     Args:
-        node: the one that asks, before it publishes.
-        voxel: its name; both would answer with its actuation.
+        node: node of the voxel, which does not publish messages yet.
+        voxel: name of the voxel.
     """
 
     def __init__(self, node: RosNode, voxel: str) -> None:
         self._node, self._topic = node, ACTUATION.of(voxel)
         self._wire = actuation_format(voxel)
-        self._heard = b''  # the episode in which it was heard last
+        self._episode = b''  # of the duplicate's last message
         self._since = time.monotonic()
         self._subscription = node.create_subscription(
             JointState, self._topic, self._note, stream_qos(1), raw=True
@@ -34,16 +35,16 @@ class Double:
 
     def _note(self, data: bytes) -> None:
         try:
-            self._heard, *_ = read_joint_state(self._wire, data, -1.0, 1.0)
+            self._episode, *_ = read_joint_state(self._wire, data, -1.0, 1.0)
         except InvalidInput as error:
             self._node.refuse(self._topic, error)
 
-    def answers(self, episode: bytes) -> bool:
-        """Tell whether there is one that answers in this episode, or may be heard yet."""
-        there = self._node.count_publishers(self._topic) > 1
-        young = time.monotonic() - self._since < _TELL_LIMIT
-        return there and (self._heard == episode or young)
+    def is_active(self, episode: bytes) -> bool:
+        """Return whether a duplicate publishes in this episode, or exists and may still do so."""
+        exists = self._node.count_publishers(self._topic) > 1
+        waiting = time.monotonic() - self._since < _LISTENING_TIME
+        return exists and (self._episode == episode or waiting)
 
     def close(self) -> None:
-        """Stop listening."""
+        """Destroy the subscription to the voxel's actuation."""
         self._node.destroy_subscription(self._subscription)

@@ -1,50 +1,51 @@
-"""Messages of a neighbour that came before they were needed."""
+"""Buffers the messages of a neighbour until the control step that needs them."""
 
 from collections import deque
 
 import numpy as np
 
-_ROOM = 16  # messages of other episodes; in lock-step one would do
-_EPISODES = 16  # past ones that are remembered
+_MAX_OTHERS = 16  # messages of other episodes that are kept; in lock-step one would be enough
+_MAX_PAST = 16  # names of past episodes that are kept
 
 
-class Pending:
-    """What one neighbour has said and nobody has used, by episode and step.
+class MessageBuffer:
+    """The unused messages of one neighbour, by episode and control step.
 
-    The first word counts: what is said again, or for a step that is over, is not kept. Of other
-    episodes there is room for a few messages only: one of them may be about to begin, at step 0.
+    Only the first message for a step is kept; messages for past steps and past episodes are
+    dropped. A few messages of other episodes are kept, with the lowest steps: a new episode begins
+    at step 0, and a neighbour may receive its first sensors before this voxel does.
     """
 
     def __init__(self) -> None:
         self._messages: dict[tuple[bytes, int], np.ndarray] = {}
-        self._past: deque[bytes] = deque(maxlen=_EPISODES)
-        self._now = b'', 0
+        self._past: deque[bytes] = deque(maxlen=_MAX_PAST)
+        self._episode, self._step = b'', 0
 
-    def turn_to(self, episode: bytes, step: int) -> None:
-        """Expect messages of this step from now on; what came for those before is over."""
-        if episode != self._now[0]:
-            self._past.append(self._now[0])
-        self._now = episode, step
-        for key in [key for key in self._messages if self._is_over(*key)]:
+    def advance_to(self, episode: bytes, step: int) -> None:
+        """Set the current episode and step, and drop the messages for earlier steps."""
+        if episode != self._episode:
+            self._past.append(self._episode)
+        self._episode, self._step = episode, step
+        for key in [key for key in self._messages if self._is_past(*key)]:
             del self._messages[key]
 
-    def _is_over(self, episode: bytes, step: int) -> bool:
-        return episode in self._past or (episode == self._now[0] and step < self._now[1])
+    def _is_past(self, episode: bytes, step: int) -> bool:
+        return episode in self._past or (episode == self._episode and step < self._step)
 
     def put(self, episode: bytes, step: int, message: np.ndarray) -> bool:
-        """Keep a message; return whether it was neither late nor repeated."""
-        if self._is_over(episode, step) or (episode, step) in self._messages:
+        """Keep a message unless it is late or repeated; return whether it was neither."""
+        if self._is_past(episode, step) or (episode, step) in self._messages:
             return False
         self._messages[episode, step] = message
-        others = [key for key in self._messages if key[0] != self._now[0]]
-        if len(others) > _ROOM:
+        others = [key for key in self._messages if key[0] != self._episode]
+        if len(others) > _MAX_OTHERS:
             del self._messages[max(others, key=lambda key: key[1])]
         return True
 
     def __contains__(self, step: int) -> bool:
-        """Tell whether the message of a step of this episode is here."""
-        return (self._now[0], step) in self._messages
+        """Return whether the message for a step of the current episode is in the buffer."""
+        return (self._episode, step) in self._messages
 
     def pop(self, step: int) -> np.ndarray | None:
-        """Return the message of a step of this episode and forget it; None if it is not here."""
-        return self._messages.pop((self._now[0], step), None)
+        """Remove and return the message for a step of the current episode; None if it is absent."""
+        return self._messages.pop((self._episode, step), None)

@@ -1,4 +1,4 @@
-"""Parameters and topics of the voxel node, the recorder node and the live view, as declarations."""
+"""Declares parameters and topics of the voxel node, the recorder node and the live view."""
 
 from dataclasses import astuple, dataclass
 
@@ -9,48 +9,48 @@ from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.faults import FAULTS_OF_CELLS, Faults
 
 STORAGES = ('mcap', 'sqlite3')
-"""Storages of bags."""
+"""Storage formats of bags."""
 
 VIEW_RATE = 30
 """Frames of the live view per second of wall time."""
 
-_AFTER_STEP = 'once for each `sensors`, before `actuation`'
+_AFTER_STEP = 'once per `sensors` message, before `actuation`'
 _ROWS = 'n_c rows (nD), or 4 n_c rows (D: those for above, left, below, right)'
 
 SPIKES = Topic(
     'spikes', 'sensor_msgs/msg/Image', _AFTER_STEP,
-    f'message of an SNN cell to its neighbours, stamp of its step: `mono8`, {SNN_STEPS} SNN steps '
-    f'wide, {_ROWS}; 0 or 255',
+    f'message of an SNN cell to its neighbours, stamped with its control step: `mono8`, '
+    f'{SNN_STEPS} SNN steps wide, {_ROWS}; 0 or 255',
     of_voxel=True,
 )
 VALUES = Topic(
     'values', 'sensor_msgs/msg/Image', _AFTER_STEP,
-    f'message of an MLP cell to its neighbours, stamp of its step: `64FC1`, 1 wide, {_ROWS}; '
-    'from -1 to 1',
+    f'message of an MLP cell to its neighbours, stamped with its control step: `64FC1`, 1 wide, '
+    f'{_ROWS}; from -1 to 1',
     of_voxel=True,
 )
 
 
 @dataclass(frozen=True)
 class VoxelOptions(Checked):
-    """How one voxel runs.
+    """Parameters of a voxel node.
 
     Raises:
-        InvalidInput: a value is off.
+        InvalidInput: a value has the wrong type or is out of range.
     """
 
-    voxel: str = text_value('', "place of this voxel; default: the node's name", 'voxel_<x>_<y>')
+    voxel: str = text_value('', "name of this voxel; default: the node's name", 'voxel_<x>_<y>')
     controller: str = text_value(
         '', 'controller file that holds the parameters of the cells', 'path of a file, .npz'
     )
     patience: float = constant(
-        0.0, 0.0, 3600.0, 'wall time to wait for a neighbour before the voxel goes on without it, '
-        '0 for ever', 's'
+        0.0, 0.0, 3600.0, "wall time to wait for a neighbour's message before the voxel steps "
+        'without it, 0 for no limit', 's'
     )
     real_time: bool = flag(
-        False, 'step when sensors come, whatever neighbours have sent by then'
+        False, "step when sensors arrive, without waiting for the neighbours' messages"
     )
-    one_walk: bool = flag(False, 'end when the simulation has come and gone')
+    one_walk: bool = flag(False, 'end when the simulation ends')
 
 
 @dataclass(frozen=True)
@@ -58,13 +58,13 @@ class NeighborNames(Checked):
     """Names of a voxel's neighbours, in the order of `sim_node.model.morphology.DIRECTIONS`.
 
     Raises:
-        InvalidInput: a value is off.
+        InvalidInput: a value is no text.
     """
 
     above: str = text_value('', 'voxel above this one; empty for none', 'voxel_<x>_<y>')
-    left: str = text_value('', 'voxel left of this one', 'voxel_<x>_<y>')
+    left: str = text_value('', 'voxel left of this one; empty for none', 'voxel_<x>_<y>')
     below: str = text_value('', 'voxel below this one; empty for none', 'voxel_<x>_<y>')
-    right: str = text_value('', 'voxel right of this one', 'voxel_<x>_<y>')
+    right: str = text_value('', 'voxel right of this one; empty for none', 'voxel_<x>_<y>')
 
     @property
     def by_direction(self) -> tuple[str, ...]:
@@ -74,30 +74,30 @@ class NeighborNames(Checked):
 
 @dataclass(frozen=True)
 class RecorderOptions(Checked):
-    """What the recorder writes.
+    """Parameters of the recorder node.
 
     Raises:
-        InvalidInput: a value is off.
+        InvalidInput: a value has the wrong type, or there is no such storage format.
     """
 
     bag: str = text_value(
         '', 'folder of the bag to write, which must not exist; default: bags/<date>-<time>',
         'path of a folder',
     )
-    storage: str = choice(STORAGES[0], STORAGES, 'storage of the bag')
+    storage: str = choice(STORAGES[0], STORAGES, 'storage format of the bag')
 
 
 @dataclass(frozen=True)
 class ViewOptions(Checked):
-    """The page of the live view, an option of `snca walk`.
+    """Options of the live view, which `snca walk` has.
 
     Raises:
-        InvalidInput: a value is off.
+        InvalidInput: a value has the wrong type or is out of range.
     """
 
     view: int = constant(
-        8765, 0, 65535, 'show the walk live on a page of this machine, at this port, in real time '
-        'unless --real-time says otherwise'
+        8765, 0, 65535, 'show the walk live on a web page of this machine, at this port, in real '
+        'time unless --real-time FACTOR is given'
     )
 
 
@@ -110,10 +110,10 @@ _OF_ROBOT = (SENSORS, ACTUATION, SPIKES, VALUES, ODOMETRY, MARKERS)
 
 VOXEL_NODE = NodeInterface(
     'voxel_node', 'Voxel',
-    'Runs the cell of one voxel: when the readings of a step and the messages that its neighbours '
-    'sent one step before are there, it steps the cell, sends its message, then its actuation. '
-    'Before it joins, it listens to its own `actuation`, to learn whether another node answers '
-    'for the same voxel. The node is named after its voxel.',
+    'Runs the cell of one voxel: when it has received the readings of a step and the messages that '
+    'its neighbours sent one step before, it steps the cell and publishes its message, then its '
+    'actuation. Before it joins, it subscribes to its own `actuation`, to detect another node of '
+    'the same voxel. The node is named after its voxel.',
     'ros2 run snca_ros voxel_node voxel_0_0 --ros-args -r __ns:=/<robot> '
     '-p controller:=<file>.npz -p neighbor.right:=voxel_1_0',
     parameters=(VOXEL, NEIGHBORS, FAULTS),
@@ -122,8 +122,8 @@ VOXEL_NODE = NodeInterface(
 )
 RECORDER_NODE = NodeInterface(
     'recorder_node', 'Recorder',
-    'Writes every message of the namespace, and of the global topics below, into a rosbag2 bag; '
-    'other topics of the namespace are recorded, too, with whatever type they have.',
+    'Writes every message of the namespace, and of the global topics below, into a rosbag2 bag. '
+    'Topics of the namespace that are not listed here are recorded, too, with any type.',
     'ros2 run snca_ros recorder_node --ros-args -r __ns:=/<robot> -p bag:=<folder>',
     parameters=(RECORDER,),
     publishes=(DIAGNOSTICS, ROSOUT),
@@ -131,9 +131,9 @@ RECORDER_NODE = NodeInterface(
 )
 VIEW_NODE = NodeInterface(
     'view', 'Live view',
-    f'Listens to a whole robot for the page of `snca walk --view`, which shows it {VIEW_RATE} '
-    'times per second of wall time. It runs in the process of that command; `ros2 run` does not '
-    'start it.',
+    f'Subscribes to all topics of a robot and sends frames to the page of `snca walk --view`, '
+    f'{VIEW_RATE} per second of wall time. It runs in the process of that command; `ros2 run` '
+    'cannot start it.',
     'snca walk <controller> --view',
     publishes=(DIAGNOSTICS,),
     subscribes=(*_OF_ROBOT, DIAGNOSTICS),

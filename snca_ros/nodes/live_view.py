@@ -1,4 +1,4 @@
-"""(ROS) The node of `walk --view`: listens to a whole robot and passes on what the page shows."""
+"""(ROS) The node of `snca walk --view`: sends frames with the state of a robot to a web page."""
 
 from collections.abc import Callable
 from functools import partial
@@ -28,21 +28,21 @@ _DIGITS = 4  # of the numbers sent
 
 
 class ViewNode(RosNode):
-    """Listens to a whole robot and tells a page how it looks, 30 times a second.
+    """Subscribes to all topics of a robot and passes frames on, 30 per second of wall time.
 
     Args:
-        robot: its namespace.
+        robot: namespace of the robot.
         trained: its controller.
-        tell: called with each frame, ready for JSON: `step`, `x`, `y` [m], `corners` [m] of the
-            newest pose, `area`, `touch` and `actuation` of each voxel, `said`, rows of step,
-            voxel and numbers sent, and `health`, level and words of each node by its name.
+        send: called with each frame, ready for JSON: `step`, `x`, `y` [m], `corners` [m] of the
+            newest pose, `area`, `touch` and `actuation` of each voxel, `messages`, rows of step,
+            voxel and numbers sent, and `health`, level and text of each node by its name.
     """
 
     def __init__(
-        self, robot: str, trained: TrainedController, tell: Callable[[dict[str, Any]], None]
+        self, robot: str, trained: TrainedController, send: Callable[[dict[str, Any]], None]
     ) -> None:
         super().__init__(VIEW_NODE.name, namespace=f'/{robot}', enable_rosout=False)
-        self._tell = tell
+        self._send = send
         voxels, qos = trained.morphology.voxel_names, topics.stream_qos()
         self._names = trained.architecture.sensors
         self._voxels = voxels
@@ -71,30 +71,30 @@ class ViewNode(RosNode):
         }
         self._killed: set[str] = set()
         self.create_subscription(DiagnosticArray, DIAGNOSTICS.name, self._note_health, 100)
-        self.create_timer(PERIOD, self._look)
+        self.create_timer(PERIOD, self._send_frame)
 
     def _note_health(self, message: DiagnosticArray) -> None:
         prefix = self.get_namespace() + '/'
         for status in message.status:
             node = status.name.removeprefix(prefix)
             if status.name.startswith(prefix) and node not in self._killed:
-                words = int.from_bytes(status.level, 'little'), status.message
-                self._frame['health'][node] = words
+                level = int.from_bytes(status.level, 'little')
+                self._frame['health'][node] = level, status.message
 
     def note_killed(self, node: str) -> None:
-        """Note that a node was killed: what it has said before, and comes now, is not shown."""
+        """Show a node as killed, and ignore its diagnostics that are still to arrive."""
         self._killed.add(node)
         self._frame['health'][node] = 2, 'killed'
 
     def note_started(self, node: str) -> None:
-        """Note that a node was started again: it is starting until it says more."""
+        """Show a restarted node as starting, until its first diagnostics arrive."""
         self._killed.discard(node)
         self._frame['health'][node] = 2, 'starting'
 
-    def _look(self) -> None:
-        """Tell what has come since the last look."""
-        frame, said = self._frame, []
-        for step, x, y in self._read('odometry', self._odometry_box, self._placed):
+    def _send_frame(self) -> None:
+        """Send a frame with what has arrived since the last one."""
+        frame, sent = self._frame, []
+        for step, x, y in self._read('odometry', self._odometry_box, self._position):
             frame['step'], frame['x'], frame['y'] = step, x, y
         for data in self._markers_box():
             corners = self._robot.decode(data)
@@ -102,13 +102,13 @@ class ViewNode(RosNode):
                 frame['corners'] = corners.round(_DIGITS).ravel().tolist()
         for i, (sensors, actuation, messages) in enumerate(zip(*self._boxes.values(), strict=True)):
             voxel = self._voxels[i]
-            for readings in self._read(f'{voxel}/sensors', sensors, partial(self._sensed, i)):
+            for readings in self._read(f'{voxel}/sensors', sensors, partial(self._readings, i)):
                 frame['area'][i], frame['touch'][i] = self._shown(readings)
-            for a in self._read(f'{voxel}/actuation', actuation, partial(self._acted, i)):
+            for a in self._read(f'{voxel}/actuation', actuation, partial(self._action, i)):
                 frame['actuation'][i] = a
-            said += self._read(f'{voxel}/messages', messages, partial(self._said, i))
+            sent += self._read(f'{voxel}/messages', messages, partial(self._cell_message, i))
         if 'step' in frame and 'corners' in frame:
-            self._tell({**frame, 'said': said})
+            self._send({**frame, 'messages': sent})
 
     def _shown(self, readings: np.ndarray) -> list[float | None]:
         """Return area ratio and touch of a voxel from its readings; None where it has no sensor."""
@@ -118,26 +118,26 @@ class ViewNode(RosNode):
     def _read(
         self, topic: str, take: Callable[[], list[bytes]], read: Callable[[bytes], Any]
     ) -> list[Any]:
-        """Return what `read` makes of the messages that have come; others are refused."""
+        """Return the messages that have arrived, decoded by `read`; refuse those that it cannot."""
         found = []
         for data in take():
             try:
                 found.append(read(data))
-            except Exception as error:  # also what rclpy says about bytes of another layout
+            except Exception as error:  # rclpy raises various ones for bytes of another layout
                 self.refuse(topic, error)
         return found
 
-    def _placed(self, data: bytes) -> tuple[int, float, float]:
+    def _position(self, data: bytes) -> tuple[int, float, float]:
         stamp, (position,) = self._odometry_wire.decode(data, 'position')
         return step_of_stamp(*stamp), float(position[0]), float(position[2])
 
-    def _sensed(self, i: int, data: bytes) -> np.ndarray:
+    def _readings(self, i: int, data: bytes) -> np.ndarray:
         return topics.read_joint_state(self._sensors[i], data, 0.0, 1.0)[2]
 
-    def _acted(self, i: int, data: bytes) -> float:
+    def _action(self, i: int, data: bytes) -> float:
         return float(topics.read_joint_state(self._actuation[i], data, -1.0, 1.0)[2][0])
 
-    def _said(self, i: int, data: bytes) -> list[Any]:
+    def _cell_message(self, i: int, data: bytes) -> list[Any]:
         """Return step, voxel, and a number per channel: a spike train as an integer, or a value."""
         _, step, message = self._messages[i].decode(data)
         rows = message.reshape(-1, message.shape[-1])

@@ -1,4 +1,4 @@
-"""What one voxel is given: names, and from the controller file its cell, faults and physics."""
+"""Loads one voxel's part of a controller file: its cell, its faults and the physics."""
 
 import re
 from collections.abc import Sequence
@@ -23,10 +23,10 @@ class OwnPart:
     """One voxel's part of a controller.
 
     Attributes:
-        architecture: what kind of cell.
-        cells: the one cell, ready to step.
-        faults: what goes wrong with it.
-        physics: of the simulation that the controller was evolved in.
+        architecture: of the cell.
+        cells: one cell, ready to step.
+        faults: of this voxel.
+        physics: name of the physics that the controller was evolved in.
     """
 
     architecture: Architecture
@@ -39,8 +39,8 @@ def check_names(voxel: str, neighbors: Sequence[str], where: str) -> None:
     """Check the names of a voxel and of its neighbours.
 
     Args:
-        voxel: its name.
-        neighbors: by direction; empty where there is none.
+        voxel: name of the voxel.
+        neighbors: names by direction; empty where there is no neighbour.
         where: the source of the names, for the error.
 
     Raises:
@@ -52,16 +52,17 @@ def check_names(voxel: str, neighbors: Sequence[str], where: str) -> None:
 
 
 def load_own_part(path: str, voxel: str, faults: Faults, where: str) -> OwnPart:
-    """Load the part of one voxel, its cell compiled.
+    """Load one voxel's part of a controller file and compile the cell's step.
 
     Args:
         path: of the controller file.
-        voxel: its name.
+        voxel: name of the voxel.
         faults: of all cells.
         where: the source of `path` and `faults`, for errors.
 
     Raises:
-        InvalidInput: there is no such file or voxel, or a fault is off.
+        InvalidInput: the file cannot be read, the robot has no such voxel, or a fault names a
+            voxel that it does not have.
     """
     if not path:
         raise InvalidInput('controller', path, 'a controller file (.npz)', where)

@@ -1,7 +1,7 @@
 """(ROS) The recorder node: writes every message of the robot's graph into a rosbag2 bag.
 
-What it was told is in the file half a second later, whatever becomes of it then. Before a disk is
-full it ends, with its bag closed.
+It flushes the file every half second, so a kill loses at most the messages of half a second. When
+the disk is nearly full it closes the bag and ends.
 """
 
 import contextlib
@@ -43,17 +43,17 @@ _TYPES = {
     **{kind: reader.type for kind, reader in KINDS.items()},
     MARKERS.name: MARKERS.type,
 }
-_QUEUE = 20_000  # messages of one topic that may wait while the disk is slow
-_LOOK_PERIOD = 0.1  # seconds between looks for new topics, while a graph comes up
-_LOOK_SELDOM = 1.0  # and once nothing new has come for a while
+_QUEUE = 20_000  # messages of one topic that can wait while the disk is slow
+_DISCOVERY_PERIOD = 0.1  # seconds between checks for new topics, while a graph starts
+_SETTLED_PERIOD = 1.0  # the same after _SETTLED seconds without a new topic
 _SETTLED = 10.0
 _FLUSH_PERIOD = 0.5  # seconds
-_QUIET = 0.3  # seconds without a message after which a stopped graph counts as drained
+_DRAINED = 0.3  # seconds without a message after which the queues count as empty
 _FAILED = 1
 
 
 class RecorderNode(RosNode):
-    """Records all topics of its namespace, and /clock, /diagnostics and /rosout, losslessly."""
+    """Records all topics of its namespace, and /clock, /diagnostics and /rosout."""
 
     def __init__(self) -> None:
         super().__init__(RECORDER_NODE.name)
@@ -65,7 +65,7 @@ class RecorderNode(RosNode):
         self._last_message = 0.0
         self._writer = self._open(Path(options.bag), StoragePlugin[options.storage.upper()])
         self._newest_topic = time.monotonic()
-        self._look_timer = self.create_timer(_LOOK_PERIOD, self._look_for_topics)
+        self._discovery_timer = self.create_timer(_DISCOVERY_PERIOD, self._discover_topics)
         self.create_timer(_FLUSH_PERIOD, self._flush)
 
     def _open(self, path: Path, storage: StoragePlugin) -> Writer:
@@ -75,15 +75,16 @@ class RecorderNode(RosNode):
         self.get_logger().info(f'recording into {path}')
         return writer
 
-    def _look_for_topics(self) -> None:
+    def _discover_topics(self) -> None:
         prefix = self.get_namespace().rstrip('/') + '/'
         for topic, types in self.get_topic_names_and_types():
-            mine = topic.startswith(prefix) or topic in GLOBAL_TOPICS
-            if mine and topic not in self._topics:
-                self._record(topic, _own_type(topic) or types[0])
+            wanted = topic.startswith(prefix) or topic in GLOBAL_TOPICS
+            if wanted and topic not in self._topics:
+                self._record(topic, _declared_type(topic) or types[0])
                 self._newest_topic = time.monotonic()
         settled = self._topics and time.monotonic() - self._newest_topic > _SETTLED
-        self._look_timer.timer_period_ns = int((_LOOK_SELDOM if settled else _LOOK_PERIOD) * 1e9)
+        period = _SETTLED_PERIOD if settled else _DISCOVERY_PERIOD
+        self._discovery_timer.timer_period_ns = int(period * 1e9)
 
     def _record(self, topic: str, message_type: str) -> None:
         publishers = [
@@ -96,13 +97,15 @@ class RecorderNode(RosNode):
         try:
             message_class = _message_class(message_type)
         except (ImportError, AttributeError, ValueError):
-            self.get_logger().error(f'{topic}: {message_type} is not installed: not recorded')
+            self.get_logger().error(
+                f'{topic} is not recorded: its type {message_type} is not installed'
+            )
             return
         connection = self._writer.add_connection(
             topic, message_type, typestore=self._types,
             offered_qos_profiles=[_offered_qos(publisher) for publisher in publishers],
         )
-        qos = stream_qos(_QUEUE) if _own_type(topic) else _accepting_all(publishers)
+        qos = stream_qos(_QUEUE) if _declared_type(topic) else _compatible_qos(publishers)
         self.create_subscription(
             message_class, topic, partial(self._write, connection), qos, raw=True
         )
@@ -115,7 +118,7 @@ class RecorderNode(RosNode):
                 self.count('messages')
 
     def _flush(self) -> None:
-        """Hand what was written to the system; end while there is room to end."""
+        """Flush the bag to the file system; end the node if there is little space left."""
         storage = self._writer.storage
         if self.exit_code is not None or storage is None:
             return
@@ -123,7 +126,7 @@ class RecorderNode(RosNode):
             flush(self._writer)
             room = room_for(storage.path)
             if room < RESERVE:
-                raise OSError(f'only {room / 1e6:.1f} MB left on the disk or of the size limit')
+                raise OSError(f'only {room / 1e6:.1f} MB left on the disk or up to the size limit')
 
     @contextlib.contextmanager
     def _ending_on_error(self, what: str) -> Iterator[None]:
@@ -134,8 +137,8 @@ class RecorderNode(RosNode):
             self.exit_code = _FAILED
 
     def draining(self) -> bool:
-        """Tell whether messages still arrive, so that none is left behind in the queues."""
-        return time.monotonic() - self._last_message < _QUIET
+        """Return whether messages still arrive, so that the queues are empty at the end."""
+        return time.monotonic() - self._last_message < _DRAINED
 
     def close(self) -> None:
         """Finish the bag."""
@@ -145,12 +148,12 @@ class RecorderNode(RosNode):
             self.get_logger().info(f'{self._writer.path}: {written} messages')
 
     def health(self) -> tuple[bytes, str]:
-        """Return the state for /diagnostics."""
+        """Return level and text for /diagnostics: the number of recorded topics."""
         return DiagnosticStatus.OK, f'recording {len(self._topics)} topics'
 
 
 def flush(writer: Writer) -> None:
-    """Hand what an open bag was told to the operating system, in the form that readers know."""
+    """Flush an open bag to the file system, so that readers can read all messages written."""
     storage = writer.storage
     if isinstance(storage, Sqlite3Writer):
         storage.conn.commit()
@@ -159,24 +162,24 @@ def flush(writer: Writer) -> None:
         storage.bio.flush()
 
 
-def _own_type(topic: str) -> str | None:
-    """Return the type of what the robot itself says on a topic; None if the topic is not its own.
+def _declared_type(topic: str) -> str | None:
+    """Return the type of a topic of the robot's own nodes; None for other topics.
 
-    Such a topic is recorded as the robot offers it, whatever others say on it, or how.
+    Such a topic is recorded with this type and the robot's QoS, whatever other nodes offer on it.
     """
     return _TYPES.get(topic.rpartition('/')[2])
 
 
-def _accepting_all(publishers: list[TopicEndpointInfo]) -> QoSProfile:
-    """Return the QoS of a subscription that hears all of these publishers."""
-    seen = [publisher.qos_profile for publisher in publishers]
-    reliable = all(q.reliability == ReliabilityPolicy.RELIABLE for q in seen)
-    latched = all(q.durability == DurabilityPolicy.TRANSIENT_LOCAL for q in seen)
+def _compatible_qos(publishers: list[TopicEndpointInfo]) -> QoSProfile:
+    """Return the QoS of a subscription that is compatible with all of these publishers."""
+    offered = [publisher.qos_profile for publisher in publishers]
+    reliable = all(q.reliability == ReliabilityPolicy.RELIABLE for q in offered)
+    transient = all(q.durability == DurabilityPolicy.TRANSIENT_LOCAL for q in offered)
     return QoSProfile(
         depth=_QUEUE,
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=(
-            DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+            DurabilityPolicy.TRANSIENT_LOCAL if transient else DurabilityPolicy.VOLATILE
         ),
     )
 
@@ -188,7 +191,7 @@ def _message_class(name: str) -> type:
 
 
 def _offered_qos(publisher: TopicEndpointInfo) -> Qos:
-    """Return a publisher's QoS in the words of rosbags."""
+    """Return a publisher's QoS as rosbags stores it."""
     qos = publisher.qos_profile
 
     def seconds(duration) -> QosTime:

@@ -1,8 +1,8 @@
-"""(ROS) A voxel as a node of its own: it hears its sensors and its neighbours, and acts.
+"""(ROS) The voxel node: runs the cell of one voxel on its sensors and its neighbours' messages.
 
-It knows its place, its parameters and its neighbours' names, and nothing of the robot's shape.
-When it steps and what it takes is decided in `voxel_core`; here are its topics, parameters, timers
-and diagnostics. It publishes its message(k), then `actuation`(k).
+It knows its own name, the weights of its cell and its neighbours' names, but not the robot's shape.
+`voxel_core` decides when it steps and which messages it uses; this module holds topics, parameters,
+timers and diagnostics. In control step k it publishes message(k), then `actuation`(k).
 """
 
 import argparse
@@ -24,19 +24,19 @@ from sim_node.ros.sim_interface import ACTUATION, SENSORS
 from snca_ros.faults import NO_FAULTS
 from snca_ros.nodes import interfaces
 from snca_ros.nodes.cell_messages import CellMessages, topic_name
-from snca_ros.nodes.duplicate import Double
+from snca_ros.nodes.duplicate import DuplicateDetector
 from snca_ros.nodes.interfaces import NeighborNames, VoxelOptions
-from snca_ros.nodes.mismatch import Mismatch
+from snca_ros.nodes.mismatch import PhysicsMismatch
 from snca_ros.nodes.own_part import check_names, load_own_part
-from snca_ros.nodes.voxel_core import LOOK_PERIOD, Answer, Heard, VoxelCore
+from snca_ros.nodes.voxel_core import POLL_PERIOD, Answer, SensorsResult, VoxelCore
 
-_JOIN_PAUSE = 0.05  # seconds without news after which a joining voxel has heard the newest
-_SWEEP_PERIOD = 0.1  # seconds between looks into the mailboxes while nobody steps
-_SIMULATION_PERIOD = 0.2  # seconds between looks at whether there is a simulation
+_JOIN_PAUSE = 0.05  # seconds without sensors after which a joining voxel has received the newest
+_SWEEP_PERIOD = 0.1  # seconds between emptyings of the mailboxes when no step is made
+_SIMULATION_PERIOD = 0.2  # seconds between checks whether there is a simulation
 
 
 class VoxelNode(RosNode):
-    """One cell: the spiking network or perceptron of one voxel."""
+    """The ROS node of one voxel."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -45,7 +45,7 @@ class VoxelNode(RosNode):
         faults = declare(self, interfaces.FAULTS, NO_FAULTS)
         self.check_unknown_parameters()
         self._voxel, path = options.voxel, options.controller
-        self._met_simulation = False
+        self._simulation_seen = False
         if options.one_walk:
             self.create_timer(_SIMULATION_PERIOD, self._end_with_simulation)
         check_names(self._voxel, names, self.where())
@@ -56,17 +56,17 @@ class VoxelNode(RosNode):
             part, self._neighbors, patience=options.patience, real_time=options.real_time,
             horizon=topics.HISTORY,
         )
-        self._mismatch = Mismatch(path, part.physics, self.get_logger().warning)
-        self._make_topics()
-        self._double = Double(self, self._voxel)
+        self._mismatch = PhysicsMismatch(path, part.physics, self.get_logger().warning)
+        self._create_topics()
+        self._duplicate = DuplicateDetector(self, self._voxel)
         self._join_timer = self.create_timer(_JOIN_PAUSE, self._join)
-        # Neighbours' messages nearly always come before the sensors that they are awaited with.
-        self._look_timer = self.create_timer(LOOK_PERIOD, self._try_step)
-        self._look_timer.cancel()
-        # Nobody may step for long: a flood would push out of the mailboxes what is needed then.
+        # Runs only while a neighbour's message is late: nearly always it arrives before sensors.
+        self._poll_timer = self.create_timer(POLL_PERIOD, self._try_step)
+        self._poll_timer.cancel()
+        # While no step is made, a flood of messages would push needed ones out of the mailboxes.
         self.create_timer(_SWEEP_PERIOD, self._take_messages)
 
-    def _make_topics(self) -> None:
+    def _create_topics(self) -> None:
         qos, queue = topics.stream_qos(), topics.stream_qos(topics.QUEUE)
         voxel, topic = self._voxel, topic_name(self._architecture)
         self._sensors_wire = topics.sensors_format(voxel, self._architecture.sensors)
@@ -89,91 +89,94 @@ class VoxelNode(RosNode):
             episode, step, readings = topics.read_joint_state(
                 self._sensors_wire, data, 0.0, 1.0
             )
-            heard = self._core.hear_sensors(episode, step, readings, time.monotonic())
+            result = self._core.receive_sensors(episode, step, readings, time.monotonic())
         except InvalidInput as error:
             self.refuse(SENSORS.of(self._voxel), error)
             return
-        if heard is not Heard.TAKEN:
-            self.count(heard.value)
+        if result is not SensorsResult.ACCEPTED:
+            self.count(result.value)
             return
         if self._core.joining:
             self._join_timer.reset()
         self._try_step()
 
     def _join(self) -> None:
-        """Take part from now on, at the newest step, unless another node answers."""
-        if self._core.join(self._double.answers):
+        """Take part from the newest step on, unless another node of this voxel is active."""
+        if self._core.join(self._duplicate.is_active):
             self._join_timer.cancel()
-            self._double.close()
+            self._duplicate.close()
             self._try_step()
 
     def _take_messages(self) -> None:
         for direction, take in self._mailboxes.items() if self._core.joined else ():
             for data in take():
-                self._note_message(direction, data)
+                self._receive_message(direction, data)
 
-    def _note_message(self, direction: int, data: bytes) -> None:
+    def _receive_message(self, direction: int, data: bytes) -> None:
         try:
             episode, step, message = self._neighbor_messages[direction].decode(data)
-            fresh = self._core.hear_neighbor(direction, episode, step, message)
+            accepted = self._core.receive_message(direction, episode, step, message)
         except InvalidInput as error:
             self.refuse(f'{self._neighbors[direction]}/{topic_name(self._architecture)}', error)
             return
-        if not fresh:
+        if not accepted:
             self.count('late or repeated messages')
 
     def health(self) -> tuple[bytes, str]:
-        """Return the state for /diagnostics, and whether the simulation has another physics."""
+        """Return level and text for /diagnostics: the voxel's state and a physics mismatch."""
         level, text = self._state()
-        if words := self._mismatch.words:
-            return DiagnosticStatus.WARN, f'{text}; {words}'
+        if mismatch := self._mismatch.text:
+            return DiagnosticStatus.WARN, f'{text}; {mismatch}'
         return level, text
 
     def _state(self) -> tuple[bytes, str]:
-        """Return a level and a line: the step, and whom the voxel waits for."""
+        """Return level and text: the control step, and the neighbours that are awaited."""
         core = self._core
         if core.held_back:
-            return DiagnosticStatus.WARN, 'held back: another node answers for this voxel'
+            return DiagnosticStatus.WARN, 'held back: another node publishes for this voxel'
         if core.step < 0:
-            return DiagnosticStatus.OK, 'no sensors yet'
-        if quiet := core.quiet:
-            return DiagnosticStatus.WARN, f'step {core.step}, silent: {self._named(quiet)}'
+            return DiagnosticStatus.OK, 'no sensors received yet'
+        if overdue := core.overdue:
+            return DiagnosticStatus.WARN, f'step {core.step}, silent: {self._names(overdue)}'
         if not core.unanswered:
             age = time.monotonic() - core.since
-            return DiagnosticStatus.OK, f'step {core.step}, its sensors came {age:.1f} s ago'
-        waiting = self._named(core.awaited) or 'nobody'
-        return DiagnosticStatus.OK, f'step {core.step} waits for {waiting}'
+            return DiagnosticStatus.OK, f'step {core.step}, sensors received {age:.1f} s ago'
+        if not core.awaited:
+            return DiagnosticStatus.OK, f'step {core.step}'
+        return DiagnosticStatus.OK, f'step {core.step} waits for {self._names(core.awaited)}'
 
-    def _named(self, directions: list[int]) -> str:
+    def _names(self, directions: list[int]) -> str:
         return ', '.join(self._neighbors[d] for d in directions)
 
     def figures(self) -> dict[str, int]:
-        """Return what came over the links, for /diagnostics."""
+        """Return the counts of messages on time, late and lost by topic, for /diagnostics."""
         topic = topic_name(self._architecture)
-        links = {SENSORS.of(self._voxel): self._core.sensors_link}
-        links |= {f'{self._neighbors[d]}/{topic}': link for d, link in self._core.links.items()}
+        links = {SENSORS.of(self._voxel): self._core.sensors_delivery}
+        links |= {f'{self._neighbors[d]}/{topic}': x for d, x in self._core.deliveries.items()}
         return link_figures(links)
 
     def _try_step(self) -> None:
-        """Step if sensors(k) and all neighbours' messages(k - 1) are here; else look again soon."""
+        """Step if sensors(k) and all neighbours' messages(k - 1) have arrived; else poll again."""
         if not (self._core.unanswered and self._core.joined):
             return
         self._take_messages()
         now = time.monotonic()
         answer = self._core.answer(now)
         if answer is None:
-            self._look_timer.timer_period_ns = int(self._core.look_period(now) * 1e9)
-            self._look_timer.reset()
+            self._poll_timer.timer_period_ns = int(self._core.poll_period(now) * 1e9)
+            self._poll_timer.reset()
             return
-        self._look_timer.cancel()
-        for d in answer.fallen:
-            self.get_logger().warning(f'{self._neighbors[d]} is silent')
-        if answer.fallen:
+        self._poll_timer.cancel()
+        for d in answer.newly_silent:
+            self.get_logger().warning(
+                f'no message from {self._neighbors[d]}: stepping without it until one arrives'
+            )
+        if answer.newly_silent:
             self.count('times a neighbour fell silent')
         self._publish(answer)
 
     def _publish(self, answer: Answer) -> None:
-        self._mismatch.note(answer.episode)
+        self._mismatch.check(answer.episode)
         stamp, episode = stamp_of_step(answer.step), np.frombuffer(answer.episode, np.uint8)
         self._messages_out.publish(self._messages.encode(episode, stamp, answer.outbox))
         self._actuation_out.publish(
@@ -183,23 +186,25 @@ class VoxelNode(RosNode):
         self.count('steps')
 
     def _end_with_simulation(self) -> None:
-        there = self.count_publishers(SENSORS.of(self._voxel)) > 0
-        if self._met_simulation and not there:
+        exists = self.count_publishers(SENSORS.of(self._voxel)) > 0
+        if self._simulation_seen and not exists:
             self.exit_code = 0
-        self._met_simulation = there or self._core.step >= 0
+        self._simulation_seen = exists or self._core.step >= 0
 
     def close(self) -> None:
-        """Let readers have what was published."""
+        """Wait until the subscribers have received what was published."""
         self.wait_for_readers([self._messages_out, self._actuation_out])
 
 
 def main(argv: list[str]) -> int:
-    """Run one voxel node, or one per name given; return the exit code."""
+    """Run one voxel node per name on the command line; return the exit code."""
     parser = argparse.ArgumentParser(
         prog='voxel_node',
-        description='One voxel as a ROS node, or several in one process.',
-        epilog='Everything else is set by --ros-args; see `ros2 param list`.',
+        description='Run the node of one voxel, or of several in one process.',
+        epilog='Parameters are set by --ros-args; see `ros2 param list`.',
     )
-    parser.add_argument('name', nargs='*', default=['voxel_0_0'], help='voxel_<x>_<y>')
+    parser.add_argument(
+        'name', nargs='*', default=['voxel_0_0'], help='name of a node, voxel_<x>_<y>'
+    )
     names = parser.parse_args(remove_ros_args([sys.argv[0], *argv])[1:]).name
     return run_nodes(lambda: [VoxelNode(name) for name in names], argv)

@@ -1,1 +1,1 @@
-"""Recordings of walks: read from bags, made offline, measured, drawn."""
+"""Recordings of walks: reads bags, records offline walks, measures and draws gaits."""

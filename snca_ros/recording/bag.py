@@ -1,4 +1,4 @@
-"""Reads bags: `read_bag` gives a `Recording`."""
+"""Reads one episode of a bag as a `Recording`."""
 
 import re
 from collections.abc import Iterable
@@ -24,11 +24,11 @@ def read_bag(path: Path | str, episode: int = -1) -> Recording:
 
     Args:
         path: a rosbag2 folder, MCAP or sqlite3.
-        episode: which one, from 0, or from -1 backwards.
+        episode: number of the episode, from 0; negative numbers count from the end.
 
     Raises:
-        InvalidInput: this is no bag, it is damaged, or not one of a walking robot; the text names
-            the bag, what is wrong and what was expected.
+        InvalidInput: this is no bag, it is damaged, it is not the bag of one robot, or there is no
+            such episode. The text names the bag, what is wrong and what was expected.
     """
     path = Path(path)
     topics, closed = read_storage(path)
@@ -61,14 +61,14 @@ def read_bag(path: Path | str, episode: int = -1) -> Recording:
 
 
 def _physics(streams: dict[str, Stream]) -> str:
-    """Return the physics of the episode that most messages of voxels name: some may be forged."""
+    """Return the physics that most of the voxels' messages name; some messages may be forged."""
     names = [s.names for topic, s in streams.items() if _VOXEL_TOPIC.search(topic)]
     found, counts = np.unique(np.concatenate([np.zeros(0, 'S'), *names]), return_counts=True)
     return physics_of_episode(bytes(found[counts.argmax()])) if len(found) else UNKNOWN_PHYSICS
 
 
 def _bounds(odometry: Stream, episode: int) -> tuple[float, float]:
-    """Return the wall times [ns] between which an episode happened."""
+    """Return the wall times [ns] between which the messages of an episode were recorded."""
     starts = odometry.starts()[1:]
     edges = (odometry.times[starts - 1] + odometry.times[starts]) / 2
     edges = np.concatenate([[-np.inf], edges, [np.inf]])
@@ -76,20 +76,24 @@ def _bounds(odometry: Stream, episode: int) -> tuple[float, float]:
 
 
 def robot_of(topics: dict[str, Topic]) -> str:
-    """Return the namespace of the robot of a bag; InvalidInput if there is none, or several."""
+    """Return the namespace of the robot of a bag.
+
+    Raises:
+        InvalidInput: the bag has the odometry of no robot, or of several.
+    """
     kind, end = KINDS['odometry'].type, '/odometry'
     found = [
         name[1 : -len(end)] for name, topic in topics.items()
         if name.endswith(end) and topic.type == kind and topic.messages
     ]
     if len(found) != 1:
-        shown = f'odometry of {", ".join(found) or "none"} among {len(topics)} topics'
+        shown = f'odometry of {", ".join(found) or "no robot"} in {len(topics)} topics'
         raise InvalidInput('robot', shown, f'one topic /<robot>/odometry of type {kind}')
     return found[0]
 
 
 def _stamped_kinds(topics: dict[str, Topic], robot: str) -> dict[str, str]:
-    """Return name and kind of the topics of this robot that carry control steps."""
+    """Return the robot's topics whose stamps are control steps: kind by name."""
     kinds = {f'/{robot}/odometry': 'odometry'}
     for name in topics:
         match = _VOXEL_TOPIC.fullmatch(name.removeprefix(f'/{robot}'))
@@ -98,7 +102,7 @@ def _stamped_kinds(topics: dict[str, Topic], robot: str) -> dict[str, str]:
         elif match and name.startswith(f'/{robot}/'):
             kinds[name] = match[2]
     if len({'spikes', 'values'} & set(kinds.values())) == 2:
-        raise InvalidInput('messages of cells', 'spikes and values', 'one of both')
+        raise InvalidInput('messages of cells', 'spikes and values', 'only one of them')
     return kinds
 
 
@@ -118,9 +122,9 @@ def _one_episode(
 def _absent_topics(
     robot: str, streams: dict[str, Stream], health: dict[str, NodeHealth]
 ) -> set[str]:
-    """Return the stamped topics that such a robot has and that are not in the bag."""
-    spoken = {f'/{robot}/{node}/sensors' for node in health}
-    voxels = _voxel_names({*streams, *spoken})
+    """Return the stamped topics that this robot has, by its voxels, and the bag does not."""
+    by_health = {f'/{robot}/{node}/sensors' for node in health}
+    voxels = _voxel_names({*streams, *by_health})
     kinds = {name.rpartition('/')[2] for name in streams} & {'spikes', 'values'}
     expected = {
         f'/{robot}/{voxel}/{kind}' for voxel in voxels for kind in ('sensors', 'actuation', *kinds)
@@ -156,7 +160,7 @@ def _arrays(robot: str, streams: dict[str, Stream]) -> dict[str, Any]:
             heard[stream.steps, i] = True
         shapes = {stream.numbers.shape[1:] for stream in found.values()}
         if len(shapes) > 1:
-            raise InvalidInput(kind, f'shapes {sorted(shapes)}', 'the same in all voxels')
+            raise InvalidInput(kind, f'shapes {sorted(shapes)}', 'the same shape in all voxels')
         if shapes and kind == 'spikes':
             spikes = table(kind, shapes.pop(), 0.0).astype(np.uint8)
         elif shapes:
@@ -177,7 +181,7 @@ def _n_steps(streams: dict[str, Stream]) -> int:
     last = max(int(stream.steps.max(initial=0)) for stream in streams.values())
     longest = max(len(stream.steps) for stream in streams.values())
     if last > 1000 + 100 * longest:
-        raise InvalidInput('stamps', f'step {last}', f'most of the steps; {longest} were found')
+        raise InvalidInput('stamps', f'step {last}', f'most of its steps in the bag, not {longest}')
     return last + 1
 
 
@@ -195,7 +199,7 @@ def _rate(odometry: Stream) -> float:
 def _counts(
     topics: dict[str, Topic], streams: dict[str, Stream], n_steps: int
 ) -> tuple[TopicCount, ...]:
-    """Count messages; what a topic may not have sent any more at the last step is not lost."""
+    """Count the messages of each topic; a message of the last step is not counted as lost."""
     counts = []
     for name in sorted({*topics, *streams}):
         if name in streams:

@@ -1,4 +1,4 @@
-"""What the nodes of a recorded graph said of themselves in /diagnostics."""
+"""Reads the last diagnostics of each node of a recorded graph from /diagnostics."""
 
 import contextlib
 import functools
@@ -13,48 +13,49 @@ from snca_ros.recording.storage import Topic
 
 TOPIC, _TYPE = '/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray'
 OUTCOMES = ('on time', 'late', 'lost')
-_MEASURED = ('per second', '[ms]')  # ends of the names of figures that are no counts
+_MEASURED = ('per second', '[ms]')  # ends of the names of values that are not counts
 
 
 @dataclass(frozen=True)
 class NodeHealth:
-    """What a node published last in its diagnostics.
+    """The last diagnostics of a node.
 
     Attributes:
-        lives: how many processes it was, one after the other.
-        figures: numbers by name; counts are those of all lives, others of the last one. What a
-            life did after its last message, up to a second, is not in them.
+        n_processes: number of processes that ran the node, one after the other.
+        values: numbers by name; counts are summed over all processes, other values are those of
+            the last one. What a process did after its last diagnostics, up to a second before it
+            ended, is missing.
     """
 
-    lives: int
-    figures: Mapping[str, float]
+    n_processes: int
+    values: Mapping[str, float]
 
     @property
-    def links(self) -> dict[str, tuple[int, ...]]:
-        """Return messages on time, late and lost by the topic that the node listens to."""
-        topics = [key[: -len(' on time')] for key in self.figures if key.endswith(' on time')]
+    def deliveries(self) -> dict[str, tuple[int, ...]]:
+        """Return the numbers of messages on time, late and lost, by subscribed topic."""
+        topics = [key[: -len(' on time')] for key in self.values if key.endswith(' on time')]
         return {
-            topic: tuple(int(self.figures.get(f'{topic} {outcome}', 0)) for outcome in OUTCOMES)
+            topic: tuple(int(self.values.get(f'{topic} {outcome}', 0)) for outcome in OUTCOMES)
             for topic in topics
         }
 
 
 def read_health(topics: Mapping[str, Topic], robot: str) -> dict[str, NodeHealth]:
-    """Return what is known of each node of a robot, by its name without the namespace.
+    """Return the last diagnostics of each node of a robot, by its name without the namespace.
 
     Raises:
-        InvalidInput: a message is not of the type that it should be.
+        InvalidInput: a message on /diagnostics is no DiagnosticArray.
     """
-    lives: dict[str, dict[str, dict[str, float]]] = {}  # by node and process
+    by_process: dict[str, dict[str, dict[str, float]]] = {}  # node: process: values
     try:
         for data in topics[TOPIC].messages if TOPIC in topics else ():
             for status in _types().deserialize_cdr(data, _TYPE).status:
                 robot_of, _, node = status.name.rpartition('/')
                 if robot_of == f'/{robot}':
-                    lives.setdefault(node, {})[status.hardware_id] = _figures(status)
-    except Exception as error:  # what rosbags says about bytes of another layout
+                    by_process.setdefault(node, {})[status.hardware_id] = _numbers(status)
+    except Exception as error:  # rosbags raises various ones for bytes of another layout
         raise InvalidInput(TOPIC, ' '.join(str(error).split()), _TYPE) from None
-    return {node: _sum(list(mine.values())) for node, mine in lives.items()}
+    return {node: _merge(list(found.values())) for node, found in by_process.items()}
 
 
 @functools.cache
@@ -62,15 +63,15 @@ def _types():
     return get_typestore(Stores.ROS2_JAZZY)
 
 
-def _figures(status: Any) -> dict[str, float]:
-    figures = {}
+def _numbers(status: Any) -> dict[str, float]:
+    numbers = {}
     for pair in status.values:
-        with contextlib.suppress(ValueError):  # another node's words, not a number
-            figures[pair.key] = float(pair.value)
-    return figures
+        with contextlib.suppress(ValueError):  # nodes of others may publish texts
+            numbers[pair.key] = float(pair.value)
+    return numbers
 
 
-def _sum(lives: list[dict[str, float]]) -> NodeHealth:
-    counted = {key for life in lives for key in life if not key.endswith(_MEASURED)}
-    totals = {key: sum(life.get(key, 0.0) for life in lives) for key in sorted(counted)}
-    return NodeHealth(len(lives), {**lives[-1], **totals})
+def _merge(processes: list[dict[str, float]]) -> NodeHealth:
+    counts = {key for values in processes for key in values if not key.endswith(_MEASURED)}
+    totals = {key: sum(values.get(key, 0.0) for values in processes) for key in sorted(counts)}
+    return NodeHealth(len(processes), {**processes[-1], **totals})

@@ -1,4 +1,4 @@
-"""An episode and what was recorded in it."""
+"""An episode of a robot with recorded arrays: readings, actuation, spikes, corners and others."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -11,21 +11,21 @@ from sim_node.model.sensors import DEFAULT_SENSORS
 from snca_ros.evolution.episode import Episode
 
 RECORDABLE = ('readings', 'actuation', 'spikes', 'values', 'corners', 'thresholds')
-"""Arrays of an episode that are recorded on request."""
+"""Names of the arrays that an episode records on request."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RecordedEpisode(Episode):
     """One episode of a robot. Row k of an array belongs to control step k, `times[k]`.
 
-    It made n_steps control steps of 1/60 s; n_steps is smaller than asked for if it diverged.
+    An episode has n_steps control steps of 1/60 s; fewer than requested if it diverged.
 
     Attributes:
         centers: (n_steps + 1, 2) centre of mass x, y [m].
-        diverged: the physics left the finite numbers before the end.
+        diverged: whether the physics became infinite or NaN before the end.
         name: of the robot.
         voxel_names: in the order of all arrays, row by row from the bottom.
-        recorded: the arrays that were asked for, by name; they are attributes, too.
+        recorded: the requested arrays, by name; each is an attribute, too.
         sensors: names of the readings, in their order.
     """
 
@@ -41,7 +41,7 @@ class RecordedEpisode(Episode):
 
     @property
     def v_x(self) -> float:
-        """Return the mean velocity [m/s] after the first 5 s, or of an episode of up to 5 s.
+        """Return the mean velocity [m/s] after the first 5 s, or of all of a shorter episode.
 
         It is -inf if the episode diverged.
         """
@@ -94,7 +94,7 @@ class RecordedEpisode(Episode):
 
     @property
     def heard(self) -> np.ndarray:
-        """Return which spikes or values are known, as of a `Recording`: all (n_steps, n_voxels)."""
+        """Return which spikes or values are known: all, (n_steps, n_voxels); see `Recording`."""
         return np.ones((len(self.centers) - 1, len(self.voxel_names)), dtype=bool)
 
     def _found(self, name: str) -> np.ndarray | None:
@@ -117,13 +117,13 @@ class RecordedEpisode(Episode):
 
 
 def names_to_record(record: str | Iterable[str]) -> tuple[str, ...]:
-    """Return the names of `RECORDABLE` that `record` asks for.
+    """Return the names of `RECORDABLE` that `record` requests.
 
     Args:
         record: names, one name, or 'all'.
 
     Raises:
-        InvalidInput: one of them is none.
+        InvalidInput: a name is not in `RECORDABLE`.
     """
     if record == 'all':
         return RECORDABLE

@@ -1,5 +1,4 @@
-"""Pictures of a recorded walk, panel by panel."""
-
+"""Draws a recorded walk: trajectory, area ratios and messages between voxels."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,7 +10,7 @@ from snca_ros.recording.bag import Recording
 from snca_ros.recording.gait import area_ratios, spike_times
 
 WINDOW = 4.0
-"""What the lower panels show [s]: the end of the walk."""
+"""Length of the end of the walk that the lower panels show [s]."""
 
 _BLUE, _GREY = '#0072B2', '0.55'
 _AREA_RANGE = 0.25
@@ -20,7 +19,7 @@ _AREA_RANGE = 0.25
 def draw_recording(recording: Recording) -> Figure:
     """Return a figure of three panels: trajectory, area ratios, raster of messages.
 
-    The last two share their time axis, the end of the walk, so that single spikes can be seen.
+    The last two show only the end of the walk, so that single spikes are visible.
     """
     n_rows = min(len(recording.voxel_names), 40)
     figure = Figure(figsize=(10.0, 3.6 + 0.55 * n_rows), layout='constrained')
@@ -92,7 +91,7 @@ def _draw_messages(axes: Axes, recording: Recording, first: int) -> None:
 def _draw_rows(
     axes: Axes, numbers: np.ndarray, first: int, low: float, high: float
 ) -> AxesImage:
-    """Draw (n_steps, n_rows) numbers as rows of colours; grey where there is none."""
+    """Draw (n_steps, n_rows) numbers as rows of colours; grey where a number is NaN."""
     n_steps, n_rows = numbers.shape
     axes.set_facecolor(_GREY)
     return axes.imshow(

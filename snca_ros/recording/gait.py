@@ -1,4 +1,4 @@
-"""How a robot walked: velocity, rhythm and firing rates of a recording."""
+"""Measures the gait of a recorded walk: velocity, frequencies and firing rates."""
 
 import math
 from collections.abc import Sequence
@@ -13,12 +13,11 @@ from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.evolution.episode import TRANSIENT, mean_velocity
 
 VIBRATION = 8.0
-"""Frequency [Hz] above which actuation counts as vibration: a voxel contracts and expands again in
-less than 7.5 control steps."""
+"""Frequency [Hz] above which actuation counts as vibration: periods below 7.5 control steps."""
 
 
 class Walk(Protocol):
-    """What a gait is measured on: a `Recording` of a bag, or a `RecordedEpisode`."""
+    """A walk whose gait can be measured: a `Recording` of a bag, or a `RecordedEpisode`."""
 
     @property
     def centers(self) -> np.ndarray:
@@ -39,16 +38,16 @@ class Walk(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Gait:
-    """What a recording tells about a walk.
+    """Measures of a walk.
 
     Attributes:
         velocity: mean v_x [m/s] after the transient; of the whole walk if it is shorter.
-        distance: between the first and the last place of the centre, in x [m].
+        distance: between the first and the last position of the centre, in x [m].
         duration: between the first and the last control step [s].
         firing_rates: (n_voxels,) mean rate of the channels that a voxel sends [Hz]; None if the
             cells do not spike.
         frequencies: (n_voxels,) dominant frequency of the actuation [Hz]; 0 if it is constant.
-        frequency: the same of all voxels together [Hz].
+        frequency: dominant frequency of the summed power of all voxels [Hz].
     """
 
     velocity: float
@@ -63,10 +62,11 @@ def walked_velocity(x: np.ndarray, transient: float = TRANSIENT) -> float:
     """Return the mean v_x [m/s] after `transient` seconds; of the whole walk if it is shorter.
 
     Args:
-        x: (n,) place of the centre [m], one per control step from step 0; gaps (NaN) are bridged.
+        x: (n,) position of the centre [m], one per control step from step 0; gaps (NaN) are
+            interpolated.
 
     Returns:
-        NaN if no place is known.
+        The velocity; NaN if no position is known.
     """
     if not np.isfinite(x).any():
         return math.nan
@@ -102,7 +102,7 @@ def measure_gait(recording: Walk) -> Gait:
 def steady_part(actuation: np.ndarray, transient: float = TRANSIENT) -> np.ndarray:
     """Return the (n_steps, n_voxels) actuation after the transient [s]; all of it if it is shorter.
 
-    Gaps (NaN) are bridged.
+    Gaps (NaN) are interpolated.
     """
     known = np.flatnonzero(np.isfinite(actuation).any(axis=1))
     actuation = bridge_gaps(actuation[: known[-1] + 1 if len(known) else 1])
@@ -111,7 +111,9 @@ def steady_part(actuation: np.ndarray, transient: float = TRANSIENT) -> np.ndarr
 
 
 def dominant_frequency(actuation: np.ndarray) -> float:
-    """Return the frequency [Hz] at which the power of all voxels together peaks, or 0.
+    """Return the frequency [Hz] at which the summed power of all voxels peaks, or 0.
+
+    It is 0 where the actuation is constant but for rounding errors.
 
     Args:
         actuation: (n_steps, n_voxels), without gaps.
@@ -121,27 +123,28 @@ def dominant_frequency(actuation: np.ndarray) -> float:
 
 
 def vibration_share(actuation: np.ndarray) -> float:
-    """Return the share of the power of all voxels together above `VIBRATION`, 0 to 1.
+    """Return the share of the summed power of all voxels that is above `VIBRATION`, 0 to 1.
 
-    It is 0 where nothing swings.
+    It is 0 where the actuation is constant but for rounding errors.
 
     Args:
         actuation: (n_steps, n_voxels), without gaps.
     """
     n = len(actuation)
     power = power_spectrum(actuation).sum(axis=1)
-    if not _swings(power, n):
+    if not _oscillates(power, n):
         return 0.0
     if n % 2 == 0:
-        power[-1] /= 2.0  # all other frequencies have their mirror image beyond the highest
+        power[-1] /= 2.0  # rfft omits the mirror image of every other frequency
     fast = np.arange(len(power)) * CONTROL_RATE / n > VIBRATION
     return float(power[fast].sum() / power.sum())
 
 
 def bridge_gaps(signal: np.ndarray) -> np.ndarray:
-    """Return (n_steps, ...) numbers with every NaN replaced by the line between its neighbours.
+    """Return (n_steps, ...) numbers with every NaN replaced by linear interpolation over steps.
 
-    Beyond the first and the last number that is known, it is repeated; nothing known gives 0.
+    Before the first and after the last finite number, that number is repeated. A column without
+    finite numbers becomes 0.
     """
     if np.isfinite(signal).all():
         return signal
@@ -159,7 +162,7 @@ def firing_rates(spikes: np.ndarray, heard: np.ndarray) -> np.ndarray:
 
     Args:
         spikes: (n_steps, n_voxels, n_channels, 16), 0 or 1.
-        heard: (n_steps, n_voxels) which of them count; NaN for a voxel of which none does.
+        heard: (n_steps, n_voxels) which of them are known; the rate of a voxel with none is NaN.
     """
     counts = np.where(heard[:, :, None, None], spikes, 0).sum(axis=(0, 3)).mean(axis=1)
     seconds = heard.sum(axis=0) / CONTROL_RATE
@@ -183,15 +186,15 @@ def power_spectrum(signal: np.ndarray) -> np.ndarray:
 def peak_frequency(power: np.ndarray, n_steps: int) -> np.ndarray:
     """Return the frequency [Hz] at which each column of a `power_spectrum` peaks.
 
-    It is 0 where nothing but rounding errors is left of the signal.
+    It is 0 where the signal is constant but for rounding errors.
     """
     peak = power.argmax(axis=0)
     frequency = peak * CONTROL_RATE / max(n_steps, 1)
-    return np.where(_swings(power, n_steps), frequency, 0.0)
+    return np.where(_oscillates(power, n_steps), frequency, 0.0)
 
 
-def _swings(power: np.ndarray, n_steps: int) -> np.ndarray:
-    """Tell of which columns of a `power_spectrum` more than rounding errors is left."""
+def _oscillates(power: np.ndarray, n_steps: int) -> np.ndarray:
+    """Return which columns of a `power_spectrum` hold more than rounding errors."""
     return power.max(axis=0) > (1e-9 * n_steps) ** 2
 
 

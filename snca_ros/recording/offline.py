@@ -1,4 +1,4 @@
-"""A walk without ROS: recorded as a bag would hold it, compared with a graph's; its thresholds."""
+"""Records walks without ROS, compares them with walks of a graph, computes thresholds."""
 
 import math
 from pathlib import Path
@@ -24,18 +24,18 @@ def record_offline(
     terrain: str = '',
     faults: Faults | None = None,
 ) -> tuple[Recording, np.ndarray | None]:
-    """Let a robot walk; return what a bag of it would hold, and its thresholds.
+    """Simulate a walk without ROS; return the recording that a bag would give, and thresholds.
 
     Args:
         trained: the controller.
         path: its file.
         duration: of the walk [s].
-        terrain: '' for the one that the controller was evolved on.
-        faults: what goes wrong.
+        terrain: name of the terrain; '' for the one that the controller was evolved on.
+        faults: of body and cells; None for none.
 
     Returns:
-        The recording, and (n_steps, n_voxels) mean thresholds as of `mean_thresholds`; None if
-        the cells have none.
+        The recording, and (n_steps, n_voxels) thresholds as `mean_thresholds` returns them; None
+        if the cells have no thresholds.
 
     Raises:
         InvalidInput: the terrain is unknown, or the physics diverges with this controller.
@@ -45,7 +45,7 @@ def record_offline(
     if episode.diverged:
         shown = f'{trained.morphology.name}: not finite at step {len(episode.centers)}'
         raise InvalidInput('controller', shown, 'a walk that stays finite')
-    actuation, readings = _longer(episode.actuation, np.nan), episode.readings.copy()
+    actuation, readings = _with_last_row(episode.actuation, np.nan), episode.readings.copy()
     readings[-1] = np.nan  # no cell reads them
     steps = np.arange(len(episode.centers))
     ground = np.column_stack([simulation.terrain.x, simulation.terrain.y])
@@ -54,18 +54,18 @@ def record_offline(
         path=path, closed=True, robot=trained.morphology.name, episode=0, n_episodes=1,
         voxel_names=episode.voxel_names, centers=episode.centers, readings=readings,
         actuation=actuation,
-        spikes=None if spikes is None else _longer(spikes, 0),
-        values=None if values is None else _longer(values, 0.0),
-        heard=_longer(episode.heard, False),
+        spikes=None if spikes is None else _with_last_row(spikes, 0),
+        values=None if values is None else _with_last_row(values, 0.0),
+        heard=_with_last_row(episode.heard, False),
         rate=math.nan, counts=(), health={},
         poses=Poses(steps, episode.corners, ground), physics=trained.solver.physics,
         sensors=simulation.sensors,
     )
-    return recording, None if thresholds is None else _longer(thresholds, np.nan)
+    return recording, None if thresholds is None else _with_last_row(thresholds, np.nan)
 
 
-def _longer(array: np.ndarray, value: float) -> np.ndarray:
-    """Return an array with one row more, for the last control step, at which no cell steps."""
+def _with_last_row(array: np.ndarray, value: float) -> np.ndarray:
+    """Return an array with a row appended for the last control step, at which no cell steps."""
     return np.concatenate([array, np.full_like(array[:1], value)])
 
 
@@ -76,16 +76,14 @@ def record_episode(
     record: tuple[str, ...] = RECORDABLE,
     name: str = '',
 ) -> RecordedEpisode:
-    """Let `controller` walk `simulation`'s robot from its start, and record it.
-
-    The walk is that of `run_episode`, to the bit.
+    """Run and record one episode of a robot, bit for bit as `run_episode` does.
 
     Args:
-        simulation: of the robot.
-        controller: all its cells.
+        simulation: of the robot; it is reset.
+        controller: all cells of the robot; they are reset.
         duration: of the episode [s].
-        record: names of `RECORDABLE`; without any it takes less time.
-        name: of the robot.
+        record: names of `RECORDABLE`; an empty tuple takes less time.
+        name: of the robot; '' for the name of its shape.
     """
     if record:
         centers, arrays, diverged = _recorded(
@@ -104,7 +102,7 @@ def record_episode(
 def _recorded(
     simulation: Simulation, controller: Controller, n_steps: int, record: tuple[str, ...]
 ) -> tuple[np.ndarray, dict[str, np.ndarray], bool]:
-    """Return the centres, the arrays that are asked for and exist, and whether it diverged."""
+    """Return the centres, the requested arrays that exist, and whether the episode diverged."""
     cell, n_voxels = controller.architecture, simulation.morphology.n_voxels
     channels = cell.n_destinations * cell.n_c
     shapes: dict[str, tuple] = {  # of a row, and its type
@@ -154,27 +152,30 @@ def _recorded(
 def compare_with_twin(
     centers: np.ndarray, twin: np.ndarray, may_differ: bool
 ) -> tuple[str, bool]:
-    """Compare a walk with its offline twin; return a line about it, and whether it is as it should.
+    """Compare a walk with the offline walk of the same controller, its twin.
 
     Args:
         centers: (n_steps, 2) recorded positions of the robot's centre [m].
-        twin: the same of the offline walk.
-        may_differ: messages could be late or voxels die; else the walk has to be the twin's to
-            the bit.
+        twin: (n_steps, 2) positions in the offline walk [m].
+        may_differ: whether they may differ, because messages can be late or voxels can die.
+
+    Returns:
+        A line of text with the result, and whether the walk passes: it is bit for bit the same, or
+        may differ.
     """
     alike = centers.shape == twin.shape
     same = alike and np.array_equal(centers, twin)
     verdict = 'bit for bit the same' if same else 'NOT THE SAME'
     if may_differ and alike and not same:
         parted = np.flatnonzero((centers != twin).any(axis=1))[0]
-        verdict = f'the same until step {parted}, when late, lost or dead voxels began to show'
+        verdict = f'the same until step {parted}, then changed by late, lost or dead voxels'
     return f'offline twin: {len(twin)} positions of the centre, {verdict}', same or may_differ
 
 
 def mean_thresholds(controller: Controller) -> np.ndarray:
-    """Return the mean threshold [mV] of each voxel's neurons but its inputs, (n_voxels,).
+    """Return the mean threshold [mV] of each voxel's neurons except its inputs, (n_voxels,).
 
-    Cells of perceptrons have none: NaN.
+    It is NaN for MLP cells, which have no thresholds.
     """
     thresholds = controller.cells.thresholds()
     if thresholds is None:
@@ -183,17 +184,18 @@ def mean_thresholds(controller: Controller) -> np.ndarray:
 
 
 def replayed_thresholds(recording: Recording, trained: TrainedController) -> np.ndarray | None:
-    """Return the thresholds of the cells of a recorded walk, which bags do not hold.
+    """Return the thresholds of the cells of a recorded walk, by stepping its controller again.
 
-    The recorded readings are given to the controller; as long as it answers as the walk's voxels
-    did, its neurons are theirs. From where it does not (messages were lost or late, voxels were
-    dead, or it is another controller) or a reading is missing, thresholds are NaN.
+    Bags hold no thresholds. The controller gets the recorded readings; as long as it computes the
+    recorded actuation, its neurons have the state that the walk's had. From the first step at which
+    it does not (messages were lost or late, voxels were dead, or it is another controller) or a
+    reading is missing, thresholds are NaN.
 
     Returns:
-        (n_steps, n_voxels) as of `mean_thresholds`; None if the cells have no thresholds.
+        (n_steps, n_voxels) as `mean_thresholds`; None if the cells have no thresholds.
 
     Raises:
-        InvalidInput: the controller is of another shape.
+        InvalidInput: the controller is for another shape.
     """
     names = trained.morphology.voxel_names
     if names != recording.voxel_names:

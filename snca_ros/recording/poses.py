@@ -1,4 +1,4 @@
-"""What a robot looked like, and on what ground: the markers of a bag."""
+"""Reads the outlines of the voxels and the terrain from the markers of a bag."""
 
 import functools
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from snca_ros.recording.storage import Topic
 from snca_ros.recording.streams import Stream
 
 _TYPE = 'visualization_msgs/msg/MarkerArray'
-_PERIOD = 2  # control steps between the poses that the simulation tells
+_PERIOD = 2  # control steps between the poses that the simulation publishes
 _CORNERS = [0, 1, 2, 5]  # of the two triangles that make a voxel
 
 
@@ -36,19 +36,19 @@ class Poses:
 def read_poses(
     topic: Topic, odometry: Stream, between: tuple[float, float], n_voxels: int
 ) -> Poses | None:
-    """Return the poses of an episode, or None if the topic does not tell robot and ground.
+    """Return the poses of an episode, or None if the markers lack the robot or the ground.
 
-    Markers carry no control step. If none is missing their number tells it, else the time of
-    their arrival does, to a step or two.
+    Markers carry no control step. If no message is missing, the step follows from its index;
+    otherwise from the time at which it was recorded, to a step or two.
 
     Args:
         topic: the markers of a bag.
         odometry: of the episode.
-        between: wall times [ns] between which the episode's markers came.
+        between: wall times [ns] between which the episode's markers were recorded.
         n_voxels: of the robot.
 
     Raises:
-        InvalidInput: the topic is of another type.
+        InvalidInput: the topic has another type.
     """
     if topic.type != _TYPE:
         raise InvalidInput('type of markers', topic.type, _TYPE)
@@ -67,10 +67,10 @@ def read_poses(
 
 
 def _read(topic: Topic, n_voxels: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Return the corners, the time of each, and the ground.
+    """Return the corners and the time of each pose, and the ground.
 
-    Messages that begin with the same bytes up to their points hold as many of them, in the same
-    place: only the first is deserialised.
+    Messages of the same size with the same bytes before the points have the same layout: only the
+    first of them is deserialised.
     """
     n = 6 * n_voxels
     found, times, ground = [], [], None
@@ -80,22 +80,22 @@ def _read(topic: Topic, n_voxels: int) -> tuple[np.ndarray, np.ndarray, np.ndarr
             points = np.frombuffer(data, np.float64, 3 * n, len(head))
         else:
             markers = _markers(data)
-            told = {marker.ns: _points(marker.points) for marker in markers}
-            ground = told['ground'][:, [0, 2]] if 'ground' in told else ground
-            if len(told.get('voxels', ())) != n:
+            by_name = {marker.ns: _points(marker.points) for marker in markers}
+            ground = by_name['ground'][:, [0, 2]] if 'ground' in by_name else ground
+            if len(by_name.get('voxels', ())) != n:
                 continue
-            points = told['voxels'].ravel()
-            head, size = _shape(data, markers[0], points)
+            points = by_name['voxels'].ravel()
+            head, size = _head_and_size(data, markers[0], points)
         found.append(points)
         times.append(time)
     corners = np.array(found).reshape(-1, n_voxels, 6, 3)[:, :, _CORNERS][..., [0, 2]]
     return corners, np.array(times, dtype=np.int64), ground
 
 
-def _shape(data: bytes, first: Any, points: np.ndarray) -> tuple[bytes, int]:
-    """Return what comes before the points of a message's first marker, and its whole length.
+def _head_and_size(data: bytes, first: Any, points: np.ndarray) -> tuple[bytes, int]:
+    """Return the bytes before the points of a message's first marker, and the message's length.
 
-    If the first marker has other points, no message is (b'', -1).
+    Returns (b'', -1), which matches no message, if `points` are not those of the first marker.
     """
     layout = message_layout.markers((first.header.frame_id, first.ns, len(points) // 3, 0))
     begin = message_layout.place(layout, f'{first.ns}_points')
@@ -103,10 +103,10 @@ def _shape(data: bytes, first: Any, points: np.ndarray) -> tuple[bytes, int]:
 
 
 def _markers(data: bytes) -> list[Any]:
-    """Return the markers of a message."""
+    """Return the markers of a message; none if it cannot be deserialised."""
     try:
         return _types().deserialize_cdr(data, _TYPE).markers
-    except Exception:  # another's bytes of another layout, which no viewer shows either
+    except Exception:  # rosbags raises various ones for bytes of another layout
         return []
 
 

@@ -1,4 +1,4 @@
-"""What a recorded walk was, as arrays over control steps."""
+"""A recorded walk as arrays over control steps, with message counts and diagnostics."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,15 +15,15 @@ from snca_ros.recording.poses import Poses
 
 @dataclass(frozen=True, eq=False)
 class TopicCount:
-    """How many messages of a topic arrived.
+    """The numbers of received, missing and refused messages of a topic.
 
     Attributes:
         topic: its full name.
         received: messages in the bag; of a stamped topic, control steps of the episode.
-        missing: control steps that were sent and are not in the bag; None if the topic carries
-            no control step, so that nobody can tell.
-        refused: messages of the bag that are not what this topic carries, or are stamped later
-            than the robot went; they are in no array.
+        missing: control steps whose message is not in the bag; None if the topic carries no
+            control steps, so that missing messages cannot be counted.
+        refused: messages in the bag that have another layout than the topic's, or a stamp after
+            the robot's last step; no array contains them.
     """
 
     topic: str
@@ -38,24 +38,25 @@ class TopicCount:
 
     @property
     def lost(self) -> int:
-        """Return how many messages are missing, as far as one can tell."""
+        """Return the number of missing messages; 0 if they cannot be counted."""
         return 0 if self.missing is None else len(self.missing)
 
     @property
     def sent(self) -> int:
-        """Return how many messages were sent, as far as one can tell."""
+        """Return the number of messages sent; those received if the others cannot be counted."""
         return self.received + self.lost
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Recording:
-    """One episode of a bag. Row k of an array is control step k; numbers not in it are NaN.
+    """One episode of a bag. Row k of an array is control step k; NaN marks missing numbers.
 
     Attributes:
-        path: the bag.
-        closed: whether the recorder had finished the bag; False after a kill.
-        robot: its namespace, without the leading slash.
-        episode, n_episodes: which one this is, from 0, of how many; a reset starts a new one.
+        path: of the bag.
+        closed: whether the recorder closed the bag; False after a kill.
+        robot: namespace of the robot, without the leading slash.
+        episode, n_episodes: number of this episode, from 0, and how many there are; a reset starts
+            a new one.
         voxel_names: in the morphology's order, row by row from the bottom.
         centers: (n_steps, 2) centre of mass x, y [m].
         readings: (n_steps, n_voxels, n_sensors) in [0, 1].
@@ -64,12 +65,12 @@ class Recording:
         values: (n_steps, n_voxels, n_channels) in [-1, 1]; None if the cells send none.
         heard: (n_steps, n_voxels) whether the spikes or values are in the bag; spikes that are
             not are 0.
-        rate: control steps per second of wall time; NaN if the bag does not tell.
-        counts: one per topic, sorted by name; a topic that should be there and is not has lost
-            everything.
-        health: what each node said of itself, by its name; of all episodes.
-        poses: what the robot looked like; None if the bag has no markers.
-        physics: by which the body moved, one of `sim_node.model.physics.PHYSICS`, or
+        rate: control steps per second of wall time; NaN if it is unknown.
+        counts: one per topic, sorted by name; of an expected topic that is absent, all messages
+            are missing.
+        health: last diagnostics of each node, by its name; of all episodes.
+        poses: outlines of the voxels; None if the bag has no markers.
+        physics: name of the physics, one of `sim_node.model.physics.PHYSICS`, or
             `sim_node.episode.UNKNOWN_PHYSICS`.
         sensors: names of the readings, in their order.
     """
@@ -95,7 +96,7 @@ class Recording:
 
     @property
     def n_steps(self) -> int:
-        """Return the number of control steps, the last one's number plus one."""
+        """Return the number of rows: the number of the last control step plus one."""
         return len(self.centers)
 
     @property
@@ -105,7 +106,7 @@ class Recording:
 
     @property
     def v_x(self) -> float:
-        """Return the mean velocity [m/s] after the first 5 s, or of a walk of up to 5 s."""
+        """Return the mean velocity [m/s] after the first 5 s, or of all of a shorter walk."""
         return walked_velocity(self.centers[:, 0])
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""What a bag tells about a walk, as lines of text and ready for JSON."""
+"""Formats the report of a recorded walk, as lines of text and for JSON."""
 
 import math
 
@@ -14,12 +14,14 @@ _SHOWN_STEPS = 5
 
 
 def report_lines(recording: Recording, gait: Gait) -> list[str]:
-    """Return everything that a report tells as lines of text."""
-    return [*_gait_lines(recording, gait), '', *_count_lines(recording), *_link_lines(recording)]
+    """Return the report as lines of text."""
+    return [
+        *_gait_lines(recording, gait), '', *_count_lines(recording), *_delivery_lines(recording)
+    ]
 
 
 def as_dict(recording: Recording, gait: Gait) -> dict[str, object]:
-    """Return everything that a report tells, ready for JSON; what is unknown is None."""
+    """Return the report as a dictionary for JSON; unknown numbers are None."""
     rates = gait.firing_rates
     return {
         'bag': str(recording.path),
@@ -51,11 +53,11 @@ def as_dict(recording: Recording, gait: Gait) -> dict[str, object]:
         },
         'nodes': {
             node: {
-                'lives': health.lives,
-                'figures': dict(health.figures),
+                'lives': health.n_processes,
+                'figures': dict(health.values),
                 'links': {
                     topic: dict(zip(OUTCOMES, counts, strict=True))
-                    for topic, counts in health.links.items()
+                    for topic, counts in health.deliveries.items()
                 },
             }
             for node, health in recording.health.items()
@@ -73,7 +75,7 @@ def _gait_lines(recording: Recording, gait: Gait) -> list[str]:
         f'{recording.n_steps - 1} control steps'
     ]
     if not recording.closed:
-        lines.append('the recorder did not finish this bag: what it had written is read')
+        lines.append('the recorder did not close this bag: the report is of what it had written')
     if recording.n_episodes > 1:
         lines.append(f'episode {recording.episode} of 0 to {recording.n_episodes - 1} (resets)')
     scored = f'after the first {TRANSIENT:g} s' if gait.duration > TRANSIENT else 'whole walk'
@@ -81,7 +83,7 @@ def _gait_lines(recording: Recording, gait: Gait) -> list[str]:
         f'v_x        {gait.velocity!r} m/s ({scored})',
         f'distance   {gait.distance:.3f} m in {gait.duration:.3f} s',
         f'physics    {recording.physics}',
-        f'rhythm     {gait.frequency:.2f} Hz, where the actuation of all voxels peaks',
+        f'rhythm     {gait.frequency:.2f} Hz, the dominant frequency of the actuation',
     ]
     if math.isfinite(recording.rate):
         factor = recording.rate / CONTROL_RATE
@@ -100,37 +102,40 @@ def _gait_lines(recording: Recording, gait: Gait) -> list[str]:
 def _step_time_lines(recording: Recording) -> list[str]:
     if 'sim_node' not in recording.health:
         return []
-    figures = recording.health['sim_node'].figures
-    times = [f'{figures.get(f"step time {name} [ms]", math.nan):.2f} ms {name}'
+    values = recording.health['sim_node'].values
+    times = [f'{values.get(f"step time {name} [ms]", math.nan):.2f} ms {name}'
              for name in ('p50', 'p99', 'max')]
     line = f'step time  {", ".join(times)}'
-    if 'missed deadlines' in figures:
-        line += f'; {figures["missed deadlines"]:.0f} missed deadlines'
+    if 'missed deadlines' in values:
+        line += f'; {values["missed deadlines"]:.0f} missed deadlines'
     return [line]
 
 
-def _link_lines(recording: Recording) -> list[str]:
-    """Return what the nodes say came over their links, per kind of topic, and what did not."""
-    links = [
+def _delivery_lines(recording: Recording) -> list[str]:
+    """Return messages on time, late and lost at the nodes: per kind of topic, and where any were.
+
+    The numbers are from the nodes' diagnostics.
+    """
+    deliveries = [
         (topic, node, counts) for node, health in sorted(recording.health.items())
-        for topic, counts in health.links.items()
+        for topic, counts in health.deliveries.items()
     ]
-    if not links:
+    if not deliveries:
         return []
-    lines = ['', f'{"links":16}' + ''.join(f'{outcome:>10}' for outcome in OUTCOMES)]
-    for kind in sorted({topic.rpartition('/')[2] for topic, *_ in links}):
-        mine = [counts for topic, _, counts in links if topic.endswith(f'/{kind}')]
-        lines.append(f'{kind:16}' + ''.join(f'{sum(c):>10}' for c in zip(*mine, strict=True)))
-    for topic, node, (_, late, lost) in links:
+    lines = ['', f'{"at the nodes":16}' + ''.join(f'{outcome:>10}' for outcome in OUTCOMES)]
+    for kind in sorted({topic.rpartition('/')[2] for topic, *_ in deliveries}):
+        of_kind = [counts for topic, _, counts in deliveries if topic.endswith(f'/{kind}')]
+        lines.append(f'{kind:16}' + ''.join(f'{sum(c):>10}' for c in zip(*of_kind, strict=True)))
+    for topic, node, (_, late, lost) in deliveries:
         if late or lost:
             lines.append(f'{topic} at {node}: {late} late, {lost} lost')
-    lives = {node: h.lives for node, h in sorted(recording.health.items()) if h.lives > 1}
-    lines += [f'{node} was started {n} times' for node, n in lives.items()]
+    starts = {node: health.n_processes for node, health in sorted(recording.health.items())}
+    lines += [f'{node} was started {n} times' for node, n in starts.items() if n > 1]
     return lines
 
 
 def _count_lines(recording: Recording) -> list[str]:
-    """Return messages per kind of topic, in total, and the topics that lost any."""
+    """Return message counts per kind of topic and in total, and the topics that lost any."""
     numbered = [c for c in recording.counts if c.missing is not None]
     others = [c for c in recording.counts if c.missing is None]
     lines = [f'{"messages":16}{"sent":>10}{"received":>10}{"lost":>10}']
@@ -141,10 +146,10 @@ def _count_lines(recording: Recording) -> list[str]:
         if count.missing is not None and count.lost:
             lines.append(f'lost on {count.topic}: {_steps(count.missing)}')
         if count.refused:
-            lines.append(f'refused on {count.topic}: {count.refused} that no node uses')
+            lines.append(f'refused on {count.topic}: {count.refused} invalid messages')
     if others:
         shown = ', '.join(f'{c.topic} {c.received}' for c in others)
-        lines.append(f'without control step, so nobody can tell: {shown}')
+        lines.append(f'without control steps, so losses are unknown: {shown}')
     return lines
 
 

@@ -1,4 +1,4 @@
-"""A rosbag2 folder as lists of serialised messages, whole or left behind by a killed recorder."""
+"""Reads the serialised messages of a rosbag2 folder, also of one that was not closed."""
 
 import contextlib
 import io
@@ -22,10 +22,10 @@ _EXPECTED = 'a rosbag2 folder with metadata.yaml and .mcap or .db3 files'
 
 @dataclass(frozen=True, eq=False)
 class Topic:
-    """What a bag holds of one topic.
+    """One topic of a bag.
 
     Attributes:
-        type: such as 'sensor_msgs/msg/JointState'.
+        type: message type, such as 'sensor_msgs/msg/JointState'.
         times: (n,) wall time at which each message was recorded [ns], in the bag's order.
         messages: n serialised messages.
     """
@@ -35,14 +35,14 @@ class Topic:
     messages: list[bytes]
 
 
-class _Found:
-    """What was read so far, by topic: type, times [ns] and messages."""
+class _Contents:
+    """The messages read so far, by topic: type, times [ns] and messages."""
 
     def __init__(self) -> None:
         self.topics: dict[str, tuple[str, list[int], list[bytes]]] = {}
 
     def add_topic(self, name: str, kind: str) -> None:
-        """Note that there is a topic; InvalidInput if it is known and of another type."""
+        """Add a topic unless it is known; raise InvalidInput if it has another type."""
         known, *_ = self.topics.setdefault(name, (kind, [], []))
         if known != kind:
             raise InvalidInput(name, kind, known)
@@ -55,23 +55,23 @@ class _Found:
 
 
 def read_storage(path: Path) -> tuple[dict[str, Topic], bool]:
-    """Return the topics of the bag at `path`, and whether its recorder had closed it.
+    """Return the topics of the bag at `path`, and whether its recorder closed it.
 
     Raises:
         InvalidInput: there is no bag, or it cannot be read; the text names it and the reason.
     """
     closed = (path / 'metadata.yaml').exists()
-    found = _Found()
+    found = _Contents()
     try:
         if closed:
-            _read_whole(path, found)
+            _read_closed(path, found)
         else:
-            for file in _orphans(path):
-                read = _read_cut_mcap if file.suffix == '.mcap' else _read_whole
+            for file in _files_of_unclosed_bag(path):
+                read = _read_truncated_mcap if file.suffix == '.mcap' else _read_closed
                 read(file, found)
     except InvalidInput as error:
         raise error.found_in(str(path)) from None
-    except Exception as error:  # rosbags and mcap let whatever a damaged file provokes through
+    except Exception as error:  # rosbags and mcap raise various ones for a damaged file
         reason = str(error) or type(error).__name__
         raise InvalidInput('bag', ' '.join(reason.split()), _EXPECTED, str(path)) from None
     topics = {
@@ -81,8 +81,8 @@ def read_storage(path: Path) -> tuple[dict[str, Topic], bool]:
     return topics, closed
 
 
-def _read_whole(source: Path, found: _Found) -> None:
-    """Read a bag's folder, or a file of sqlite3."""
+def _read_closed(source: Path, found: _Contents) -> None:
+    """Read the folder of a closed bag, or an sqlite3 file."""
     with Reader(source) as reader:
         for connection in reader.connections:
             found.add_topic(connection.topic, connection.msgtype)
@@ -90,27 +90,27 @@ def _read_whole(source: Path, found: _Found) -> None:
             found.add_message(connection.topic, time, bytes(data))
 
 
-def _orphans(path: Path) -> list[Path]:
+def _files_of_unclosed_bag(path: Path) -> list[Path]:
     """Return the files of a bag whose recorder was killed before it wrote metadata."""
     if not path.is_dir():
         raise InvalidInput('bag', 'a file' if path.exists() else 'no such folder', _EXPECTED)
     files = sorted(p for p in path.iterdir() if p.suffix in ('.mcap', '.db3'))
     if not files:
-        raise InvalidInput('bag', 'a folder without these', _EXPECTED)
+        raise InvalidInput('bag', 'a folder without such files', _EXPECTED)
     for file in files:
         if file.with_name(f'{file.name}-journal').exists():
-            # Opening it lets SQLite take back what was not committed.
+            # Opening the file makes SQLite roll back what was not committed.
             with contextlib.closing(sqlite3.connect(file)) as database:
                 database.execute('SELECT count(*) FROM messages').fetchone()
     return files
 
 
-def _read_cut_mcap(file: Path, found: _Found) -> None:
-    """Read an MCAP file up to its last whole record."""
+def _read_truncated_mcap(file: Path, found: _Contents) -> None:
+    """Read an MCAP file up to its last complete record."""
     schemas: dict[int, str] = {}
     topics: dict[int, str] = {}
     messages: list[tuple[int, str, bytes]] = []
-    for record in _whole_records(file.read_bytes()):
+    for record in _complete_records(file.read_bytes()):
         if isinstance(record, Schema):
             schemas[record.id] = record.name
         elif isinstance(record, Channel):
@@ -122,14 +122,14 @@ def _read_cut_mcap(file: Path, found: _Found) -> None:
         found.add_message(topic, time, data)
 
 
-def _whole_records(data: bytes) -> Iterator[McapRecord]:
-    """Yield the records of an MCAP file, with those in its chunks, up to where it is cut.
+def _complete_records(data: bytes) -> Iterator[McapRecord]:
+    """Yield the complete records of an MCAP file, with those in its chunks.
 
-    A recorder that was killed leaves no summary, and half a record perhaps.
+    The file of a killed recorder has no summary, and may end within a record.
     """
     stream = io.BytesIO(data)
     try:
         yield from StreamReader(stream, validate_crcs=True).records
-    except (EndOfFile, struct.error, UnicodeDecodeError):  # what it says of half a record
-        if stream.tell() < len(data):  # that is no cut
+    except (EndOfFile, struct.error, UnicodeDecodeError):  # raised for an incomplete record
+        if stream.tell() < len(data):  # not at the end: the file is damaged, not truncated
             raise

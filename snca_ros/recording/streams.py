@@ -1,4 +1,4 @@
-"""The stamped topics of a bag as numbers over control steps, cut into episodes."""
+"""Decodes the stamped topics of a bag into numbers over control steps, split into episodes."""
 
 import functools
 from collections import Counter
@@ -18,15 +18,15 @@ from snca_ros.recording.storage import Topic
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """Messages of one topic.
+    """Decoded messages of one topic.
 
     Attributes:
-        steps: (n,) control steps from their stamps, in the order of their arrival.
-        times: (n,) wall time of their arrival [ns].
-        numbers: (n, ...) what they say.
-        names: (n,) bytes, of the simulation's episode in their frame; empty if there is none.
-        refused: messages besides that are not what they should be; the nodes did not use them.
-        fields: names of the numbers, where messages tell them.
+        steps: (n,) control steps from their stamps, in the order in which they were recorded.
+        times: (n,) wall time at which they were recorded [ns].
+        numbers: (n, ...) their content.
+        names: (n,) bytes, name of the episode in their frame_id; empty if there is none.
+        refused: number of other messages on the topic that are invalid; nodes refuse them, too.
+        fields: names of the numbers, if messages contain them.
     """
 
     steps: np.ndarray
@@ -38,24 +38,24 @@ class Stream:
 
     @classmethod
     def empty(cls, kind: 'Kind') -> 'Stream':
-        """Return the stream of a topic of which nothing came."""
+        """Return the stream of a topic without messages."""
         none = np.zeros(0, dtype=np.int64)
         return cls(none, none, np.zeros((0, *np.maximum(kind.shape, 0))), none.astype('S'))
 
     def starts(self) -> np.ndarray:
-        """Return the index of the first message, and of those after the stamps went back."""
+        """Return the index of the first message and of each message whose stamp goes back."""
         return np.flatnonzero(np.diff(self.steps, prepend=np.iinfo(np.int64).max) < 0)
 
     def episode(self, number: int, resets: np.ndarray) -> 'Stream':
         """Return the messages of one episode, at most one per control step.
 
-        A reset reaches every topic at another moment: a late answer may follow the robot's step
-        0. So a topic's messages since its own last going back count as one, and belong to the
-        episode in which the first of them came.
+        A reset takes effect at a different time on every topic: a late answer may be recorded after
+        the odometry of step 0. So messages are assigned in runs of increasing steps: a run belongs
+        to the episode in which its first message was recorded.
 
         Args:
             number: of the episode, from 0.
-            resets: (n_episodes - 1,) wall time [ns] of the robot's last word before each reset.
+            resets: (n_episodes - 1,) wall time [ns] of the last odometry before each reset.
         """
         starts = self.starts()
         lengths = np.diff(starts, append=len(self.steps))
@@ -69,7 +69,7 @@ class Stream:
         )
 
     def until(self, step: int) -> 'Stream':
-        """Return the messages up to a step; to refuse what is stamped later."""
+        """Return the messages up to a step, and count the later ones as refused."""
         kept = self.steps <= step
         return Stream(
             self.steps[kept], self.times[kept], self.numbers[kept], self.names[kept],
@@ -79,23 +79,25 @@ class Stream:
 
 @dataclass(frozen=True)
 class Kind:
-    """What messages of a kind of topic are: their type, and how their numbers are read."""
+    """A kind of topic: its message type, and how to read the numbers of a message."""
 
     type: str
     read: Callable[[Any], object]
     shape: tuple[int, ...]  # of the numbers; -1: any, but the same in all messages
-    of_voxel: bool = True  # its frame is the voxel's
-    named: bool = False  # its field `name` names the numbers
+    of_voxel: bool = True  # whether frame_id names a voxel
+    named: bool = False  # whether the field `name` names the numbers
 
 
 def decode(name: str, topic: Topic, kind: str) -> Stream:
-    """Return the messages of `topic`, which is called `name`, as numbers.
+    """Return the decoded messages of a topic.
 
     Args:
+        name: of the topic.
+        topic: its messages.
         kind: one of `KINDS`.
 
     Raises:
-        InvalidInput: its type is not what it should be, or none of its messages is.
+        InvalidInput: the topic has another type than its kind, or all of its messages are invalid.
     """
     expected = KINDS[kind]
     if topic.type != expected.type:
@@ -105,7 +107,7 @@ def decode(name: str, topic: Topic, kind: str) -> Stream:
     for time, data in zip(topic.times.tolist(), topic.messages, strict=True):
         try:
             step, numbers, episode, fields = _read(name, expected, data)
-        except Exception as error:  # whatever rosbags and numpy say about bytes of another layout
+        except Exception as error:  # rosbags and numpy raise various ones for another layout
             reason = error
         else:
             found.append((step, time, numbers, episode, fields))
@@ -129,7 +131,11 @@ def decode(name: str, topic: Topic, kind: str) -> Stream:
 def _read(
     name: str, kind: Kind, data: bytes
 ) -> tuple[int, np.ndarray, bytes, tuple[str, ...]]:
-    """Return step, numbers, the episode's name and those of the numbers; raise if one is wrong."""
+    """Return step, numbers, and names of the episode and of the numbers.
+
+    Raises:
+        Exception: of any kind if the data are invalid.
+    """
     message = _types().deserialize_cdr(data, kind.type)
     stamp = message.clock if kind is KINDS['clock'] else message.header.stamp
     voxel = name.split('/')[-2]
@@ -142,7 +148,7 @@ def _read(
     if not fits:
         raise InvalidInput('shape', numbers.shape, str(kind.shape))
     if not np.isfinite(numbers).all():
-        raise InvalidInput('numbers', 'one that is not finite', 'finite numbers')
+        raise InvalidInput('numbers', 'infinity or NaN', 'finite numbers')
     fields = tuple(message.name) if kind.named else ()
     if kind.named and len({*fields}) != len(numbers):
         raise InvalidInput('name', fields, f'{len(numbers)} names')
@@ -159,7 +165,7 @@ def _spikes(message) -> np.ndarray:
     """Return (channels, 16) uint8, 0 or 1."""
     pixels = _pixels(message, 'mono8', np.uint8)
     if not ((pixels == 0) | (pixels == 255)).all():
-        raise InvalidInput('data', 'other pixels', '0 or 255 in every pixel')
+        raise InvalidInput('data', 'other pixel values', '0 or 255 in every pixel')
     return pixels // 255
 
 
@@ -180,4 +186,4 @@ KINDS = {
     'spikes': Kind('sensor_msgs/msg/Image', _spikes, (-1, SNN_STEPS)),
     'values': Kind('sensor_msgs/msg/Image', lambda m: _pixels(m, '64FC1', np.float64), (-1, 1)),
 }
-"""The topics that carry control steps, by the last part of their name."""
+"""Kinds of topics whose stamps are control steps, by the last part of the topic's name."""

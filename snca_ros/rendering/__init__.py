@@ -1,1 +1,1 @@
-"""Pictures and films of walks."""
+"""Renders walks as films and as strips of pictures."""

@@ -1,4 +1,4 @@
-"""Films written as GIF, MP4, or a strip of pictures."""
+"""Writes films of walks as GIF, as MP4, or as a strip of pictures."""
 
 import itertools
 import math
@@ -18,8 +18,11 @@ GAP = 6
 
 
 def write_gif(path: Path, scene: Scene, columns: int, period: float) -> None:
-    """Write a scene, each picture shown for `period` [s], to whole hundredths, atomically."""
-    # One palette for all: small, and colours do not flicker.
+    """Write a scene as GIF, each picture shown for `period` [s], atomically.
+
+    GIF rounds the period to hundredths of a second.
+    """
+    # One palette for all pictures makes the file small and keeps colours from flickering.
     sample = [panel for i in range(0, len(scene), 1 + len(scene) // 8) for panel in scene.panels(i)]
     palette = tile(sample, 3).quantize(_N_COLORS, dither=Image.Dither.NONE)
     frames = (
@@ -66,7 +69,7 @@ def write_strip(path: Path, scene: Scene) -> None:
 
 
 def tile(pictures: Sequence[Image.Image], columns: int) -> Image.Image:
-    """Return one picture of pictures of one size, row by row, `columns` of them in a row."""
+    """Return one picture that holds pictures of the same size in rows of `columns`."""
     width, height = (side + GAP for side in pictures[0].size)
     columns, rows = min(columns, len(pictures)), math.ceil(len(pictures) / columns)
     out = Image.new('RGB', (columns * width - GAP, rows * height - GAP), 'white')

@@ -1,4 +1,4 @@
-"""What a robot looks like at some moments of a walk: of a controller, or of a bag."""
+"""Films: voxel outlines and colours of a robot at given times of an offline walk or of a bag."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,18 +14,18 @@ from snca_ros.recording.bag import Recording, read_bag
 from snca_ros.recording.gait import area_ratios, bridge_gaps
 from snca_ros.recording.offline import record_offline
 
-_FAR = 1e6  # m; nothing further away can be drawn
+_FAR = 1e6  # m; larger coordinates cannot be drawn
 
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """A robot at some moments of its walk.
+    """Outlines and colours of a robot's voxels at some times of a walk.
 
     Attributes:
         times: (n_frames,) [s].
         centers: (n_frames, 2) centre of mass [m].
         corners: (n_frames, n_voxels, 4, 2) outer corners of the voxels [m].
-        colors: (n_frames, n_voxels, 4) RGBA in [0, 1]: the area that each voxel senses.
+        colors: (n_frames, n_voxels, 4) RGBA in [0, 1], from the area that each voxel senses.
         terrain: the ground.
     """
 
@@ -37,22 +37,27 @@ class Film:
 
 
 def film_offline(trained: TrainedController, terrain: str, moments: np.ndarray) -> Film:
-    """Let the robot walk and keep what it looks like at `moments` [s], which increase.
+    """Simulate a walk and return its film.
+
+    Args:
+        trained: the controller.
+        terrain: name of the terrain.
+        moments: times of the frames [s], increasing.
 
     Raises:
         InvalidInput: the terrain is unknown, or the physics diverges with this controller.
     """
-    # One step more than is shown: readings are those that a step begins with.
+    # One step more than is shown: the readings of a step are those at its beginning.
     recording, _ = record_offline(trained, Path(), moments[-1] + 1 / CONTROL_RATE, terrain)
     return film_recording(recording, moments)
 
 
 def film_bag(path: Path, moments: np.ndarray) -> Film:
-    """Return what the robot of a bag looked like at `moments` [s] of its last episode.
+    """Return the film of the last episode of a bag.
 
     Args:
         path: of the bag.
-        moments: [s], increasing.
+        moments: times of the frames [s], increasing.
 
     Raises:
         InvalidInput: there is no bag, it has no markers of a robot, or ends before all moments.
@@ -64,14 +69,21 @@ def film_bag(path: Path, moments: np.ndarray) -> Film:
 
 
 def film_recording(recording: Recording, moments: np.ndarray) -> Film:
-    """Return what the robot of a recording looked like at `moments` [s], which increase.
+    """Return the film of a recording.
 
-    A pose is shown until the next comes, in a bag a 30th of a second later. A film ends with its
-    recording.
+    A frame shows the latest pose; a bag has 30 poses per second. The film ends with the recording.
+
+    Args:
+        recording: of a bag or of `record_offline`.
+        moments: times of the frames [s], increasing.
+
+    Raises:
+        InvalidInput: there are no poses, or they are out of range, or the recording ends before all
+            moments.
     """
     poses = recording.poses
     if poses is None:
-        raise InvalidInput('markers', None, 'those that the simulation sends')
+        raise InvalidInput('markers', None, f'markers on /{recording.robot}/markers')
     wanted = np.round(moments * CONTROL_RATE).astype(int)
     wanted = wanted[wanted < recording.n_steps]
     if not len(wanted):
@@ -80,7 +92,7 @@ def film_recording(recording: Recording, moments: np.ndarray) -> Film:
     shown = np.maximum(np.searchsorted(poses.steps, wanted, side='right') - 1, 0)
     corners, steps = poses.corners[shown], poses.steps[shown]
     if not (np.abs(corners) < _FAR).all() or not (np.abs(poses.ground) < _FAR).all():
-        raise InvalidInput('markers', 'points far away or nowhere', f'within {_FAR:g} m')
+        raise InvalidInput('markers', 'coordinates far away or NaN', f'within {_FAR:g} m')
     ratios = area_ratios(bridge_gaps(recording.readings)[steps], recording.sensors)
     colors = area_colors(ratios if 'area' in recording.sensors else np.ones(ratios.shape))
     return Film(

@@ -1,1 +1,1 @@
-"""Pages that play a walk, recorded or live."""
+"""Web pages that play a recorded walk or show a running one."""

@@ -1,4 +1,4 @@
-"""A recording as what the page draws: a frame per two control steps, numbers as few bytes."""
+"""Converts a recording into the arrays that a page draws, in compact integers."""
 
 import base64
 import zlib
@@ -13,21 +13,23 @@ from snca_ros.recording.gait import area_ratios, bridge_gaps, readings_of
 from snca_ros.recording.poses import Poses
 
 FRAME_STEPS = 2
-"""Control steps between frames: the simulation tells its pose as often."""
+"""Control steps between frames: as many as between the poses that the simulation publishes."""
 
 MAX_FRAMES = 18_001
-"""Ten minutes and the last frame; of longer walks every frame stands for more control steps."""
+"""Frames of ten minutes; in longer walks there are more control steps between frames."""
 
 _WINDOW = CONTROL_RATE  # control steps over which plots are averaged
 
 
 @dataclass(frozen=True, eq=False)
 class Packed:
-    """Numbers in few bytes: number = low + step * raw, the highest integer being NaN.
+    """An array of numbers stored as integers: number = low + step * raw.
 
     Attributes:
-        raw: uint8, uint16, or float32 for the numbers themselves; of any shape.
-        low, step: see above.
+        raw: of any shape: uint8 or uint16, whose highest value means NaN, or float32, which holds
+            the numbers themselves.
+        low: number that raw value 0 stands for.
+        step: difference between the numbers of neighbouring raw values.
     """
 
     raw: np.ndarray
@@ -38,7 +40,7 @@ class Packed:
     def between(
         cls, numbers: np.ndarray, low: float, high: float, dtype: type = np.uint8
     ) -> 'Packed':
-        """Pack `numbers`, clipped to [low, high]; NaN stays NaN."""
+        """Return `numbers` packed, clipped to [low, high]; NaN stays NaN."""
         top = np.iinfo(dtype).max
         step = (high - low) / (top - 1)
         known = np.isfinite(numbers)
@@ -47,7 +49,7 @@ class Packed:
 
     @classmethod
     def fitting(cls, numbers: np.ndarray) -> 'Packed':
-        """Pack `numbers` between their own extremes, to one in 65,534."""
+        """Return `numbers` packed as uint16 between their own minimum and maximum."""
         known = numbers[np.isfinite(numbers)]
         low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
         return cls.between(numbers, low, max(high, low + 1e-9), np.uint16)
@@ -55,14 +57,14 @@ class Packed:
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """What the page shows of a walk.
+    """The data of a walk that the page shows.
 
     Attributes:
         stride: control steps from frame to frame.
-        arrays: by name: `x`, `y` centre [m], `corners` [m] about it, `area` ratio, `touch`,
-            `actuation`, `v_x` [m/s], `rate` [Hz] and `threshold` [mV], means over a second, of
+        arrays: by name: `x`, `y` centre [m], `corners` [m] relative to it, `area` ratio, `touch`,
+            `actuation`, and means over a second: `v_x` [m/s], `rate` [Hz] and `threshold` [mV] of
             each voxel, one row per frame; `messages`, spike trains as integers or values, one
-            row per control step. Those of larger items come first: all are aligned in the bytes.
+            row per control step. Arrays of larger items come first, so that all are aligned.
         ground: (n_points, 2) profile x, y [m] of the terrain.
     """
 
@@ -71,7 +73,7 @@ class Frames:
     ground: np.ndarray
 
     def describe(self) -> list[dict[str, object]]:
-        """Return what each array is, ready for JSON, in the order of the bytes."""
+        """Return name, type, shape and scale of each array, for JSON, in the order of the bytes."""
         return [
             {
                 'name': name, 'type': str(packed.raw.dtype), 'shape': packed.raw.shape,
@@ -81,7 +83,7 @@ class Frames:
         ]
 
     def encode(self) -> str:
-        """Return all arrays, little-endian one behind the other, as base64 of zlib's deflate."""
+        """Return all arrays, concatenated in little-endian order, compressed by zlib, as base64."""
         little = (p.raw.astype(p.raw.dtype.newbyteorder('<')) for p in self.arrays.values())
         return base64.b64encode(zlib.compress(b''.join(a.tobytes() for a in little))).decode()
 
@@ -91,10 +93,10 @@ def make_frames(recording: Recording, thresholds: np.ndarray | None = None) -> F
 
     Args:
         recording: of a bag or of `record_offline`.
-        thresholds: (n_steps, n_voxels) [mV], if they are known.
+        thresholds: (n_steps, n_voxels) [mV]; None if they are unknown.
 
     Raises:
-        InvalidInput: the bag holds no poses.
+        InvalidInput: the recording has no poses.
     """
     if recording.poses is None:
         expected = f'a bag with /{recording.robot}/markers'
@@ -121,7 +123,7 @@ def make_frames(recording: Recording, thresholds: np.ndarray | None = None) -> F
 
 
 def _shapes(poses: Poses, centers: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Return (n_frames, n_voxels, 8) corners about the centre, of the newest pose."""
+    """Return (n_frames, n_voxels, 8) corners of the latest pose, relative to the centre."""
     shapes = poses.corners - centers[poses.steps][:, None, None]
     newest = np.maximum(np.searchsorted(poses.steps, at, side='right') - 1, 0)
     return shapes[newest].reshape(len(at), -1, 8)
@@ -142,7 +144,7 @@ def _velocity(x: np.ndarray) -> np.ndarray:
 def _window_means(numbers: np.ndarray) -> np.ndarray:
     """Return the mean of (n_steps, n_voxels) numbers over the window around each step.
 
-    NaN does not count, and stays where nothing is known in all of the window.
+    NaN is ignored; the mean is NaN if all numbers in the window are.
     """
     first, end = _window(len(numbers))
     known = np.isfinite(numbers)
@@ -154,7 +156,7 @@ def _window_means(numbers: np.ndarray) -> np.ndarray:
 
 
 def _messages(recording: Recording, at: np.ndarray) -> dict[str, Packed]:
-    """Return the messages of all control steps and, of spikes, their rates [Hz] at the frames."""
+    """Return the messages of all control steps and, for spikes, the firing rates at the frames."""
     if recording.spikes is not None:
         trains = recording.spikes.astype(np.uint16) @ (1 << np.arange(16, dtype=np.uint16))
         per_channel = recording.spikes.sum(axis=3).mean(axis=2) * CONTROL_RATE

@@ -1,4 +1,4 @@
-"""The page of a walk: one HTML file that needs nothing else."""
+"""Builds the page of a walk: one HTML file without external resources."""
 
 import html
 import json
@@ -26,7 +26,7 @@ _SCRIPTS = (
 _LEGEND = """
 <span><i class="area"></i>area: contracted, at rest, expanded</span>
 <span><i class="touch"></i>touches the ground</span>
-<span><i class="command"></i>inner square: what the cell commands, small to contract</span>
+<span><i class="command"></i>inner square: actuation, small to contract, large to expand</span>
 """
 
 
@@ -40,19 +40,19 @@ def walk_page(
     history: dict[str, list[float | None]] | None = None,
     history_label: str = '',
 ) -> str:
-    """Return the HTML that plays a walk.
+    """Return the HTML of a page that plays a walk.
 
     Args:
         recording: the walk, of a bag or of `record_offline`.
         title: of the page.
-        facts: lines below the title, besides those of the gait.
-        thresholds: (n_steps, n_voxels) [mV], if they are known.
-        directional: whether cells send each side something else; None if nobody knows.
+        facts: lines below the title, shown above the measures of the gait.
+        thresholds: (n_steps, n_voxels) [mV]; None if they are unknown.
+        directional: whether cells send different messages to each side; None if it is unknown.
         history: of the evolution, columns of history.csv by name.
         history_label: quantity and unit of its scores, such as 'v_x [m/s]'.
 
     Raises:
-        InvalidInput: the recording holds no poses.
+        InvalidInput: the recording has no poses.
     """
     frames = make_frames(recording, thresholds)
     spiking = recording.spikes is not None
@@ -64,13 +64,13 @@ def walk_page(
         'directional': bool(directional), 'arrays': frames.describe(), 'history': history,
         'historyLabel': history_label,
     }
-    return _filled(
+    return _render_template(
         title, header, [*facts, _gait(recording)], _notes(recording, frames), frames.encode()
     )
 
 
 def live_page(trained: TrainedController, terrain: Terrain, title: str) -> str:
-    """Return the HTML that shows a walk as a `PageServer` tells it."""
+    """Return the HTML of a page that shows the frames which a `PageServer` sends."""
     cells = trained.architecture
     header = {
         'live': True, 'rate': CONTROL_RATE, 'voxels': trained.morphology.voxel_names,
@@ -78,24 +78,25 @@ def live_page(trained: TrainedController, terrain: Terrain, title: str) -> str:
         'channelCount': cells.n_destinations * cells.n_c, 'directional': cells.directional,
     }
     notes = [
-        'Frames come 30 times a second of wall time; messages are shown in full.',
-        'Plots are means over the second before: of all voxels in grey, of their mean, of the '
-        'chosen one.',
-        'A cross is a voxel whose node is dead, a stroke one whose node complains.',
+        'The page shows 30 frames per second of wall time, and all messages between voxels.',
+        'Plots are means over the last second: each voxel in grey, the mean of all, and the '
+        'selected voxel.',
+        'A cross marks a voxel whose node reports an error or is dead, a stroke one whose node '
+        'reports a warning.',
     ]
-    return _filled(title, header, ['Live'], notes)
+    return _render_template(title, header, ['Live'], notes)
 
 
-def _filled(
+def _render_template(
     title: str, header: dict[str, Any], facts: Sequence[str], notes: Sequence[str], frames: str = ''
 ) -> str:
-    """Return the page; `header` and `frames` are what its scripts read."""
+    """Return the page; its scripts read `header` and `frames`."""
     return Template(_asset('page.html')).substitute(
         title=html.escape(title), facts=_paragraphs(facts), notes=_paragraphs(notes),
-        messages='Spikes that voxels send' if header['spiking'] else 'Values that voxels send',
+        messages='Spikes sent by voxels' if header['spiking'] else 'Values sent by voxels',
         legend=_LEGEND,
         history=_HISTORY if header.get('history') else '',
-        # "<" would end the element that holds it
+        # A "</script>" in the header would end its element.
         header=json.dumps(header).replace('<', '\\u003c'),
         frames=frames,
         style='\n'.join(map(_asset, _STYLES)),
@@ -127,20 +128,21 @@ def _gait(recording: Recording) -> str:
 
 
 def _notes(recording: Recording, frames: Frames) -> list[str]:
-    """Return what the page leaves out or fills in."""
+    """Return notes about what the page omits, averages or interpolates."""
     every = frames.stride / CONTROL_RATE
     notes = [
         f'Robot and plots have a frame every {frames.stride} control steps ({every:.3f} s)'
-        f'{"" if frames.stride == FRAME_STEPS else ", thinned for display, the walk being long"};'
-        ' between frames the page draws the line between them. Messages are shown in full.',
-        'Plots are means over one second: of all voxels in grey, of their mean, of the chosen one.'
+        f'{"" if frames.stride == FRAME_STEPS else ", thinned because the walk is long"};'
+        ' between frames the page interpolates. It shows all messages between voxels.',
+        'Plots are means over one second: each voxel in grey, the mean of all, and the selected '
+        'voxel.'
     ]
     lost = sum(count.lost for count in recording.counts)
     if lost:
-        notes.append(f'{lost} messages are not in the bag: gaps, except that the place of the '
-                     'robot is on the line between those known.')
+        notes.append(f'{lost} messages are missing in the bag. They appear as gaps, except that '
+                     "the robot's position is interpolated.")
     if not recording.closed:
-        notes.append('The recorder did not finish this bag: what it had written is shown.')
+        notes.append('The recorder did not close this bag: the page shows what it had written.')
     if recording.n_episodes > 1:
         notes.append(f'Episode {recording.episode} of 0 to {recording.n_episodes - 1} (resets).')
     return notes

@@ -1,4 +1,4 @@
-"""Pages that play the walk of a controller, a run's best, or a bag."""
+"""Builds pages that play the walk of a controller, of a run's best controller, or of a bag."""
 
 import math
 from pathlib import Path
@@ -16,14 +16,15 @@ from snca_ros.web.page import walk_page
 def controller_page(
     file: Path, duration: float, terrain: str = '', faults: str = '', run: Path | None = None
 ) -> str:
-    """Return a page on which a robot walks as its controller lets it.
+    """Return the page of an offline walk of a controller.
 
     Args:
         file: of the controller.
         duration: of the walk [s].
-        terrain: '' for the one that the controller was evolved on.
-        faults: what goes wrong, as `parse_faults` reads it.
-        run: folder of the run whose best controller it is: names the page, which shows the history.
+        terrain: name of the terrain; '' for the one that the controller was evolved on.
+        faults: text that `parse_faults` reads; '' for none.
+        run: folder of the run whose best controller it is; its name becomes the title, and the
+            page shows its history.
 
     Raises:
         InvalidInput: the controller cannot be read, the terrain or a fault is unknown, or the
@@ -46,17 +47,17 @@ def controller_page(
 
 
 def bag_page(recording: Recording, controller: str | None = None) -> tuple[str, str]:
-    """Return the page of a recorded walk, and what is to be said about its physics.
+    """Return the page of a recorded walk, and a warning if its physics is not the controller's.
 
     Args:
         recording: of a bag with markers.
-        controller: file or name of the controller that walked: adds thresholds.
+        controller: file or name of the controller that walked; with it the page shows thresholds.
 
     Returns:
         HTML, and a sentence if the controller was evolved in another physics, else ''.
 
     Raises:
-        InvalidInput: the bag has no markers, or the controller is of another robot.
+        InvalidInput: the bag has no markers, or the controller is for another shape.
     """
     facts = [
         f'Bag {recording.path}, {len(recording.voxel_names)} voxels, physics {recording.physics}'
@@ -80,7 +81,7 @@ def bag_page(recording: Recording, controller: str | None = None) -> tuple[str, 
 
 
 def _describe(trained: TrainedController) -> str:
-    """Return what a controller is and how well it did in evolution, as a sentence."""
+    """Return one sentence about a controller: shape, architecture, and its v_x in evolution."""
     cells = trained.architecture
     return (
         f'{trained.morphology.name}, {trained.morphology.n_voxels} voxels, {cells.name} '

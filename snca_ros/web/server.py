@@ -1,4 +1,4 @@
-"""A page and a WebSocket on the loopback interface, in a thread of their own."""
+"""Serves a page and a WebSocket on the loopback interface, in its own thread."""
 
 import asyncio
 import json
@@ -21,7 +21,7 @@ _MAX_COMMAND = 1000  # bytes
 
 
 def check_port(port: int) -> None:
-    """Check that a page can be served at `port`; InvalidInput if it cannot be had."""
+    """Raise InvalidInput if no page can be served at `port`."""
     with socket.socket() as listener:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -36,21 +36,21 @@ def _not_free(port: int, error: OSError) -> InvalidInput:
 
 
 class PageServer:
-    """Serves one page at `address`, and to those who opened it what `tell` tells.
+    """Serves one page at `address`, and exchanges JSON messages with it over a WebSocket.
 
-    Nobody else is served: requests under another host's name, as after DNS rebinding, and
-    WebSockets from pages of another origin are refused.
+    It refuses requests with another Host header, which DNS rebinding would cause, and WebSockets
+    from pages of another origin.
 
     Args:
         port: to listen on; 0 for a free one.
-        page: HTML.
+        page: HTML of the page.
 
     Attributes:
-        address: of the page.
-        commands: what pages have sent: JSON objects, oldest first.
+        address: URL of the page.
+        commands: JSON objects that pages have sent, oldest first.
 
     Raises:
-        InvalidInput: the port cannot be had.
+        InvalidInput: the port is not available.
     """
 
     def __init__(self, port: int, page: str) -> None:
@@ -80,7 +80,7 @@ class PageServer:
             await self._stop.wait()
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Answer with the page, or with None to let a WebSocket be opened."""
+        """Return the page, or None to accept a WebSocket."""
         if request.headers.get('Host') not in self._hosts:
             return connection.respond(HTTPStatus.FORBIDDEN, 'another host\n')
         if 'Upgrade' in request.headers:
@@ -106,18 +106,18 @@ class PageServer:
                     self.commands.put(command)
         except ValueError:
             await client.close(1003, 'no JSON')
-        except ConnectionClosed:  # the browser went without a word
+        except ConnectionClosed:  # by the browser, without a close frame
             pass
         finally:
             self._clients.discard(client)
 
-    def tell(self, message: dict[str, Any]) -> None:
-        """Send `message` as JSON to all pages; those that cannot keep up are not waited for."""
+    def send(self, message: dict[str, Any]) -> None:
+        """Send `message` as JSON to all open pages, without waiting for slow ones."""
         text = json.dumps(message)
         self._loop.call_soon_threadsafe(lambda: broadcast(self._clients, text))
 
     def close(self) -> None:
-        """Close all pages' connections and the port; again does nothing."""
+        """Close all connections and the port; a second call does nothing."""
         if self._loop.is_closed():
             return
         self._loop.call_soon_threadsafe(self._stop.set)

@@ -1,7 +1,7 @@
-"""A process that says everything on a robot's topics that nobody should: `attacker.py /robot`.
+"""A process that publishes invalid messages on a robot's topics: `attacker.py /robot`.
 
-It learns from what it hears, as any node could. Every millisecond it sends one message: some
-topic's last message with one thing wrong, 300 to the same topic before it turns to the next.
+It derives them from messages that it receives, as any node could. Every millisecond it publishes
+one: a topic's message with one error, 300 to the same topic before it continues with the next.
 """
 
 import itertools
@@ -42,10 +42,10 @@ WRONG = {
 FRAMES = ('', 'someone', 'voxel_0_0', 'voxel_0_0@', 'x' * 10_000)
 
 
-def spoilt(kind, heard):
-    """Yield serialised messages: what was heard, with one thing wrong, or nothing but late."""
+def spoilt(kind, data):
+    """Yield serialised messages: `data` with one error each, and once unchanged but late."""
     def message():
-        return deserialize_message(heard, kind)
+        return deserialize_message(data, kind)
 
     for stamp in STAMPS:
         bad = message()
@@ -60,29 +60,29 @@ def spoilt(kind, heard):
             bad = message()
             setattr(bad, field, value)
             yield serialize_message(bad)
-    for length in (4, 5, 12, len(heard) // 2, len(heard) - 1):
-        yield heard[:length]
-    yield heard + bytes(1000)
-    yield heard[:4] + RANDOM.randbytes(len(heard) - 4)
-    yield RANDOM.randbytes(len(heard))
-    yield heard
+    for length in (4, 5, 12, len(data) // 2, len(data) - 1):
+        yield data[:length]
+    yield data + bytes(1000)
+    yield data[:4] + RANDOM.randbytes(len(data) - 4)
+    yield RANDOM.randbytes(len(data))
+    yield data
 
 
 class Attacker:
-    """Sends one wrong message at each call of `strike`."""
+    """Publishes one invalid message per millisecond on the topics of a robot."""
 
     def __init__(self, robot):
         self._node = rclpy.create_node('attacker')
-        self._heard = {}
+        self._received = {}
         self._publishers = {}
         for topic, kind in self._topics(robot):
             self._node.create_subscription(
-                kind, topic, lambda data, topic=topic: self._heard.setdefault(topic, data),
+                kind, topic, lambda data, topic=topic: self._received.setdefault(topic, data),
                 stream_qos(), raw=True,
             )
             self._publishers[topic] = kind, self._node.create_publisher(kind, topic, stream_qos())
         unreliable = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-        context = rclpy.Context()  # a participant of its own: other types on the same topics
+        context = rclpy.Context()  # a second participant: other types on the same topics
         rclpy.init(context=context)
         liar = rclpy.create_node('liar', context=context)
         self._others = [
@@ -96,8 +96,8 @@ class Attacker:
             (self._node.create_publisher(DiagnosticArray, '/diagnostics', 10),
              DiagnosticArray(status=[status]))
         )
-        self._blows = self._sequence()
-        self._node.create_timer(0.001, lambda: next(self._blows))
+        sequence = self._sequence()
+        self._node.create_timer(0.001, lambda: next(sequence))
 
     @staticmethod
     def _topics(robot):
@@ -111,10 +111,10 @@ class Attacker:
             for publisher, message in self._others:
                 publisher.publish(message)
             kind, publisher = self._publishers[topic]
-            if topic not in self._heard:
+            if topic not in self._received:
                 yield
                 continue
-            wrong = itertools.cycle(list(spoilt(kind, self._heard[topic])))
+            wrong = itertools.cycle(list(spoilt(kind, self._received[topic])))
             for data in itertools.islice(wrong, BURST):
                 publisher.publish(data)
                 yield

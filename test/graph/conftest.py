@@ -50,7 +50,7 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture(scope='session', autouse=True)
 def compiled():
-    """Compile what nodes need, so that no test's deadline runs meanwhile."""
+    """Compile the functions that nodes use, so that no test's deadline includes compilation."""
     simulation, architecture = Simulation('11-10'), Architecture.named('U-nD', 'snn-h')
     readings = simulation.step(np.zeros(3))
     cells = Cells(architecture, np.zeros((1, architecture.n_parameters(1))))
@@ -208,7 +208,7 @@ def centers(node):
 
 @pytest.fixture
 def health(node):
-    """Collect what each node last said of itself: (level, text, values by key) by short name."""
+    """Collect the last diagnostics of each node: (level, text, values by key) by short name."""
     found = defaultdict(lambda: (b'', '', {}))
 
     def note(message):

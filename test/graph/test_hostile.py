@@ -1,4 +1,4 @@
-"""A robot among hostile nodes: what is wrong is refused and counted, and no step differs."""
+"""A robot under attack: invalid messages are refused and counted, and no step differs."""
 
 import signal
 
@@ -21,7 +21,7 @@ def test_no_step_differs_under_attack(walk, attack, node, spin_until, centers, h
     assert len(centers) == 1
 
 
-def test_double_of_a_voxel_holds_itself_back(
+def test_a_duplicate_of_a_voxel_is_held_back(
     walk, start_node, node, spin_until, centers, health
 ):
     graph, children, path = walk()
@@ -36,7 +36,7 @@ def test_double_of_a_voxel_holds_itself_back(
     children['voxel_0_0'].send_signal(signal.SIGTERM)
     children['voxel_0_0'].wait(30)
     gone = max(centers[0])
-    spin_until(lambda: max(centers[0]) > gone + 100)  # now the double takes its place
+    spin_until(lambda: max(centers[0]) > gone + 100)  # now the duplicate takes its place
 
 
 def test_walk_recorded_under_attack_equals_its_offline_twin(start, attack, make_controller):

@@ -37,7 +37,7 @@ class Cable:
             subprocess.run(['ip', 'netns', 'del', host], check=False, capture_output=True)
 
     def prefix(self, i: int) -> list[str]:
-        """Return what runs a command on host `i`."""
+        """Return the prefix of a command that runs it on host `i`."""
         return ['ip', 'netns', 'exec', self.hosts[i]]
 
     def lose(self, percent: int) -> None:
@@ -51,11 +51,11 @@ class Cable:
             _command(*nft, f'{on_cable} ip daddr 224.0.0.0/4 drop')
 
     def cut(self) -> None:
-        """Take the cable out of one of its ends."""
+        """Disconnect the cable at one end."""
         _command('ip', '-n', self.hosts[1], 'link', 'set', self._ends[1], 'down')
 
     def mend(self) -> None:
-        """Put it in again."""
+        """Connect the cable again."""
         _command('ip', '-n', self.hosts[1], 'link', 'set', self._ends[1], 'up')
 
     def dropped(self) -> list[int]:
@@ -70,7 +70,7 @@ def _command(*words: str) -> str:
 
 @pytest.fixture
 def cable(monkeypatch):
-    for name in PROFILE_VARIABLES:  # of the other graph tests, which know the loopback alone
+    for name in PROFILE_VARIABLES:  # set by conftest for the loopback interface
         monkeypatch.delenv(name, raising=False)
     cable = Cable()
     try:
@@ -90,9 +90,9 @@ def walk_on_two_hosts(cable, start, path, *options):
                  prefix=cable.prefix(0))
     output, _ = here.communicate(timeout=120)
     assert here.returncode == 0, output
-    told, _ = there.communicate(timeout=30)  # ends when the walk does
-    assert there.returncode == 0, told
-    assert '/robot_11_10: voxel_0_1, voxel_1_1\n' in told
+    remote_output, _ = there.communicate(timeout=30)  # ends when the walk does
+    assert there.returncode == 0, remote_output
+    assert '/robot_11_10: voxel_0_1, voxel_1_1\n' in remote_output
     assert '/robot_11_10: 1 voxels in 1 processes' in output
     return output
 
@@ -104,7 +104,7 @@ def test_walk_on_two_hosts_equals_the_walk_on_one(cable, start, make_controller)
 
 
 @pytest.mark.skipif(not shutil.which('nft'), reason='no nft; Debian, Ubuntu: apt install nftables')
-def test_lost_packets_are_said_again(cable, start, make_controller, monkeypatch):
+def test_lost_packets_are_sent_again(cable, start, make_controller, monkeypatch):
     cable.lose(5)
     monkeypatch.setenv('ROS_STATIC_PEERS', '10.71.0.1;10.71.0.2')
     output = walk_on_two_hosts(cable, start, make_controller('11-10'))
@@ -125,14 +125,14 @@ def test_walk_in_real_time_survives_a_cut_cable(cable, start, make_controller, t
     cable.mend()
     output, _ = here.communicate(timeout=60)
     assert here.returncode == 0, output
-    told, _ = there.communicate(timeout=60)
-    assert there.returncode == 0, told
+    remote_output, _ = there.communicate(timeout=60)
+    assert there.returncode == 0, remote_output
     for voxel in ('voxel_0_1', 'voxel_1_1'):
         assert re.search(rf'limp, silent for .*{voxel}', output)
         assert f'{voxel} answers again' in output
     recording = read_bag(tmp_path / 'bag')
     assert recording.n_steps == 361
-    on_time, late, lost = recording.health['sim_node'].links['voxel_0_1/actuation']
+    on_time, late, lost = recording.health['sim_node'].deliveries['voxel_0_1/actuation']
     assert on_time + late + lost == 360
     assert late + lost > 60  # of the 120 steps of two seconds
     assert on_time > 100

@@ -1,4 +1,4 @@
-"""What nodes take and offer is what is declared, and so what docs/graph.md lists."""
+"""Topics, services and parameters of nodes are those declared, which docs/graph.md lists."""
 
 import pytest
 from rcl_interfaces.srv import DescribeParameters, ListParameters

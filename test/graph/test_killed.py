@@ -1,4 +1,4 @@
-"""Processes die by kill -9: the others go on, and whoever is started again takes part again."""
+"""Processes are killed by kill -9: the others continue, and a restarted one takes part again."""
 
 import signal
 
@@ -7,8 +7,8 @@ from std_srvs.srv import Trigger
 from support.graph import call, go, offline
 
 
-def test_restarted_simulation_begins_afresh(walk, start_node, node, spin_until, centers, health):
-    """Voxels that still run notice it; what they said in the other life is not taken."""
+def test_restarted_simulation_is_a_new_episode(walk, start_node, node, spin_until, centers, health):
+    """Running voxels reset their cells; messages of the old episode are not used."""
     graph, children, path = walk()
     for k in range(4):
         spin_until(lambda k=k: k in centers[0])

@@ -1,4 +1,4 @@
-"""The simulation waits for every voxel, serves reset, pause and step, and names the silent."""
+"""Lock-step: the simulation waits for voxels, serves reset, pause, step, names silent voxels."""
 
 import signal
 import time
@@ -62,7 +62,7 @@ def test_silent_voxel_is_named_and_the_run_stops(walk, node, spin_until, centers
     assert 'within 1 s' in output
 
 
-def test_run_goes_on_without_a_silent_voxel(walk, node, spin_until, centers):
+def test_run_continues_without_a_silent_voxel(walk, node, spin_until, centers):
     levels = {}
 
     def note(message):
@@ -98,8 +98,8 @@ def test_killed_voxels_are_named_and_rejoin_when_started_again(
         spin_until(lambda newest=newest: max(centers[0]) > newest + 50)
 
 
-def test_graph_of_the_silent_ends(walk, node, spin_until, centers):
-    """Without patience the neighbours of a dead voxel fall silent too: then nobody is left."""
+def test_run_stops_when_all_voxels_are_silent(walk, node, spin_until, centers):
+    """Without patience the neighbours of a dead voxel become silent too, until all are."""
     _, children, _ = walk(silence_limit=1.0, on_silence='go_on', patience=0.0)
     go(node, spin_until, centers)
     spin_until(lambda: max(centers[0]) > 30)
@@ -117,7 +117,7 @@ def test_services_answer_while_the_recorder_is_awaited(walk, node, spin_until):
     assert children['sim_node'].poll() is None
 
 
-def test_simulated_time_on_the_nodes_does_no_harm(walk, node, spin_until, centers):
+def test_use_sim_time_changes_nothing(walk, node, spin_until, centers):
     _, _, path = walk(use_sim_time=True)
     go(node, spin_until, centers)
     spin_until(lambda: 60 in centers[0])

@@ -1,4 +1,4 @@
-"""Messages as bytes: what we write is what rclpy reads, and hostile bytes are only refused."""
+"""Serialised messages: rclpy reads what we write, and invalid bytes are refused."""
 
 import numpy as np
 import pytest

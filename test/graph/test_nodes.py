@@ -1,4 +1,4 @@
-"""Every node ends cleanly when asked to, and says in one line what is wrong with its input."""
+"""Every node ends cleanly on a signal, and reports invalid input in one line."""
 
 import signal
 from pathlib import Path

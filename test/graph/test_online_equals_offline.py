@@ -1,4 +1,4 @@
-"""A lock-step run of the graph repeats the offline episode bit for bit: the project's backbone."""
+"""A lock-step run of the graph equals the offline episode bit for bit."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def offline(path, terrain='flat', engine='pymunk', faults=NONE):
 
 
 def walk(path, bag, voxels_per_process, terrain='flat', engine='', faults=NONE):
-    """Run the graph and return what its bag holds."""
+    """Run the graph and return the recording of its bag."""
     options = WalkOptions(
         duration=DURATION, voxels_per_process=voxels_per_process, bag=str(bag), terrain=terrain,
         engine=engine, faults=faults,
@@ -102,6 +102,6 @@ def test_faulty_graph_repeats_its_offline_episode(
     np.testing.assert_array_equal(recording.centers, centers)
     np.testing.assert_array_equal(recording.readings[:N_STEPS], readings)
     np.testing.assert_array_equal(recording.actuation[:N_STEPS], actuation)
-    said = recording.values if model == 'mlp' else recording.spikes
-    np.testing.assert_array_equal(said[:N_STEPS].ravel(), messages.ravel())
+    sent = recording.values if model == 'mlp' else recording.spikes
+    np.testing.assert_array_equal(sent[:N_STEPS].ravel(), messages.ravel())
     assert not np.array_equal(offline(path, engine=engine)[0], centers)

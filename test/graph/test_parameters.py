@@ -1,4 +1,4 @@
-"""Node parameters: any value is taken as what was asked for, or refused by name."""
+"""Node parameters: every value is either used as given or refused with the parameter's name."""
 
 import itertools
 import json
@@ -85,7 +85,7 @@ def simulation(ros):
 
 @pytest.fixture(params=['first', 'reference'])
 def trained(request, tmp_path):
-    """Return a controller whose body is no default one, and its file."""
+    """Return a controller whose body has no default parameters, and its file."""
     architecture, morphology = Architecture.named('U-nD', 'mlp'), parse_morphology('11-10')
     trained = TrainedController(
         architecture, morphology, np.zeros(architecture.n_parameters(3)),
@@ -132,7 +132,7 @@ def test_a_controller_that_names_no_physics_has_the_first(simulation, trained, t
     assert simulation(controller=str(tmp_path / 'old.npz')).solver == Solver(2, 20, physics='first')
 
 
-def test_only_the_solver_says_what_self_collision_may_be(simulation):
+def test_the_solver_defines_the_range_of_self_collision(simulation):
     assert simulation(solver__self_collision=True).solver.self_collision is True
     for value in ('yes', 1, ''):
         with pytest.raises(InvalidInput, match=r'/sim_node: solver\.self_collision: got'):

@@ -1,4 +1,4 @@
-"""A controller keeps its physics in a graph, and who walks it in another one is warned."""
+"""A graph uses its controller's physics; with another physics the voxels warn."""
 
 import signal
 
@@ -90,7 +90,7 @@ def test_a_voxel_in_another_physics_walks_on_and_warns_once_an_episode(
         assert text in warnings[0]
 
 
-def test_voxels_of_the_same_physics_say_nothing_of_it(walk, node, spin_until, centers, health):
+def test_voxels_of_the_same_physics_do_not_warn(walk, node, spin_until, centers, health):
     _, children, path = walk()
     go(node, spin_until, centers)
     spin_until(lambda: 60 in centers[0])

@@ -1,4 +1,4 @@
-"""Cells from outside the project over ROS: each process imports what SNCA_PLUGINS names."""
+"""Cells of a plugin over ROS: each process imports the modules that SNCA_PLUGINS names."""
 
 import sys
 
@@ -34,7 +34,7 @@ def test_walk_of_cells_from_outside_equals_its_twin(start, make_controller, plug
     assert 'Traceback' not in output
 
 
-def test_without_the_plugin_the_walk_says_which_models_there_are(
+def test_without_the_plugin_the_error_lists_the_models(
     start, make_controller, plugin, monkeypatch
 ):
     path = make_controller('11-10', model='pacemaker')

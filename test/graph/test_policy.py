@@ -1,4 +1,4 @@
-"""SROS 2: the policy allows what nodes do and nothing else; no graph is open by mistake."""
+"""SROS 2: the policy allows what nodes use and nothing else; no graph is open by mistake."""
 
 from pathlib import Path
 
@@ -38,7 +38,7 @@ def used(node, name):
     if (name, '/robot') not in node.get_node_names_and_namespaces():
         return {}
     access = {(name, verb): {t for t, _ in of(name, '/robot')} for verb, of in ask.items()}
-    if name.startswith('voxel'):  # listens for a double of its own until it takes part
+    if name.startswith('voxel'):  # listens for a duplicate until it takes part
         access[name, 'subscribe'].add(f'/robot/{name}/actuation')
     return access
 
@@ -68,7 +68,7 @@ def test_policy_allows_what_nodes_do_and_no_more(make_controller, node, spin_unt
             assert seen == expected  # shows where they differ
 
 
-def test_every_voxel_has_an_enclave_and_hears_its_neighbours_alone(start, make_controller):
+def test_voxels_have_enclaves_and_may_subscribe_only_to_neighbours(start, make_controller):
     child = start('policy', make_controller('111', 'U-nD', 'snn'), '--robot', 'trio')
     output, _ = child.communicate(timeout=60)
     assert child.returncode == 0

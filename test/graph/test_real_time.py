@@ -1,4 +1,4 @@
-"""In real time the simulation keeps its rate, waits for nobody, and everything is accounted for."""
+"""Real time: the simulation keeps its rate without waiting, and counts every message."""
 
 import signal
 import time
@@ -9,7 +9,7 @@ from support.graph import call, go, offline
 
 
 def links_of(figures):
-    """Return {topic: messages on time, late and lost} of what a node shows in /diagnostics."""
+    """Return {topic: messages on time, late and lost} from a node's diagnostics."""
     found = {}
     for key, count in figures.items():
         for outcome in ('on time', 'late', 'lost'):
@@ -43,7 +43,7 @@ def test_rate_is_kept_and_every_message_accounted_for(walk, node, spin_until, ce
     np.testing.assert_array_equal([centers[0][k] for k in range(3)], offline(path, 2 / 60))
 
 
-def test_dead_voxel_is_named_and_the_robot_goes_on(
+def test_dead_voxel_is_named_and_the_walk_continues(
     walk, start_node, node, spin_until, centers, health
 ):
     graph, children, _ = walk(real_time_factor=1.0)
@@ -70,7 +70,7 @@ def test_dead_voxel_is_named_and_the_robot_goes_on(
 
 
 def test_restarted_simulation_in_mid_run(walk, start_node, node, spin_until, centers, health):
-    """Voxels notice it whatever step they hear first, and the walk is one from the start."""
+    """Voxels reset whatever step they receive first, and the new walk begins at step 0."""
     graph, children, path = walk(real_time_factor=1.0)
     go(node, spin_until, centers)
     spin_until(lambda: 60 in centers[0])

@@ -93,7 +93,7 @@ def test_killed_recorder_leaves_all_but_the_last_second(
 
 
 def limit_files(n_bytes):
-    """Return what lets a child write files of at most so many bytes: a small disk."""
+    """Return a preexec function that limits the size of a child's files, like a small disk."""
     return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, n_bytes))
 
 

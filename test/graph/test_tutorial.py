@@ -1,4 +1,4 @@
-"""The tutorial: its commands, in its order, by real processes, with short episodes."""
+"""The commands of the tutorial, in order, by real processes, with short episodes."""
 
 import json
 import os
@@ -12,7 +12,7 @@ import pytest
 from support.paths import ROOT
 from support.processes import wait_until
 
-BUDGET = [  # what the test runs instead of what a person does
+BUDGET = [  # replacements that make the commands shorter
     ('--evaluations 3000', '--evaluations 36 --duration 2 --transient 1 --workers 1'),
     ('--duration 30 --real-time', '--duration 6 --real-time'),
     ('--duration 30', '--duration 2 --voxels-per-process 5'),
@@ -36,7 +36,7 @@ def commands():
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which('pkill') is None, reason='needs pkill (procps)')
-def test_the_tutorial_does_what_it_says(tmp_path):
+def test_the_commands_of_the_tutorial_work(tmp_path):
     bin_folder = tmp_path / 'bin'
     bin_folder.mkdir()
     for name, arguments in [('snca', '-m snca_ros '), ('python', '')]:
@@ -44,7 +44,7 @@ def test_the_tutorial_does_what_it_says(tmp_path):
         (bin_folder / name).chmod(0o755)
     path = f'{bin_folder}{os.pathsep}{os.environ["PATH"]}'
     environment = {**os.environ, 'PATH': path, 'PYTHONPATH': str(ROOT)}
-    said, children, walking = [], [], None
+    outputs, children, walking = [], [], None
 
     def start(block):
         children.append(subprocess.Popen(
@@ -56,7 +56,7 @@ def test_the_tutorial_does_what_it_says(tmp_path):
     def finish(child):
         output, _ = child.communicate(timeout=600)  # on a cold cache the first one compiles
         assert child.returncode == 0, f'{child.args[-1]}\n{output}'
-        said.append(output)
+        outputs.append(output)
 
     try:
         for block in commands():
@@ -74,9 +74,9 @@ def test_the_tutorial_does_what_it_says(tmp_path):
                 child.kill()
                 child.communicate()
 
-    log = '\n'.join(said)
+    log = '\n'.join(outputs)
     assert log.count('bit for bit the same') >= 2  # whole and dead
-    assert 'voxel_node voxel_2_0 ended with code -9: the robot goes on without' in log
+    assert 'voxel_node voxel_2_0 ended with code -9: the walk continues without it' in log
     assert re.search(r'^whole .+\ndead .+\nkilled .+$', log, re.MULTILINE)
     lost = {name: lost_actuation(tmp_path / f'{name}.json') for name in ('whole', 'dead', 'killed')}
     assert lost['whole'] == lost['dead'] == 0 < lost['killed']

@@ -1,4 +1,4 @@
-"""A live walk: frames of the real graph, real kills by the page's commands."""
+"""A live walk: frames of a real graph, and real kills by the page's commands."""
 
 import json
 import re
@@ -11,7 +11,7 @@ from websockets.sync.client import connect
 
 
 class Page:
-    """What the page does, without a browser."""
+    """The WebSocket client of the page, without a browser."""
 
     def __init__(self, socket):
         self.socket, self.frames = socket, []
@@ -62,7 +62,7 @@ def watch_and_disturb(walk, page, twin):
     assert np.reshape(seen['corners'], (3, 4, 2))[..., 1].min() > 4.9  # on the ground
     first = page.frames[0]
     np.testing.assert_allclose([first['x'], first['y']], twin[first['step']], atol=0.5)
-    said = {(step, voxel) for frame in page.frames for step, voxel, _ in frame['said']}
+    said = {(step, voxel) for frame in page.frames for step, voxel, _ in frame['messages']}
     assert {(step, voxel) for step in range(20) for voxel in range(3)} <= said
 
     page.command('dance')
@@ -86,7 +86,7 @@ def watch_and_disturb(walk, page, twin):
     assert b'loss:=0.5' in Path(f'/proc/{disturbed}/cmdline').read_bytes()
 
 
-def test_what_others_say_does_not_end_a_watched_walk(start, attack, make_controller):
+def test_invalid_messages_do_not_end_a_walk_with_a_view(start, attack, make_controller):
     walk = start('walk', make_controller('11-10'), '--view', 0, '--duration', 3600, '--no-bag')
     origin = origin_of(walk)
     attack('/robot_11_10')

@@ -87,7 +87,7 @@ def leaves(tree):
 
 
 def resolve(message, path):
-    """Return what a path such as twist.linear.x or position[0] leads to."""
+    """Return the value at a path such as twist.linear.x or position[0]."""
     for name, index in re.findall(r'(\w+)(?:\[(\d+)\])?(?:\.|$)', path):
         message = getattr(message, name)
         message = message[int(index)] if index else message
@@ -151,7 +151,7 @@ def test_rviz_shows_topics_that_exist_as_what_they_are(rviz, walk):
     assert frames == {rviz['Global Options']['Fixed Frame']}
 
 
-def test_the_way_of_half_a_minute_is_in_view(layout, rviz, walk):
+def test_half_a_minute_of_walking_is_in_view(layout, rviz, walk):
     """A camera of 45 degrees sees its distance to either side in a window of 2.4 : 1."""
     _, messages = walk
     (scene,) = panels_of(layout, '3D')

@@ -1,4 +1,4 @@
-"""The `walk` command: the whole graph up, watched, down; nothing left behind."""
+"""The `walk` command: starts, supervises and ends the whole graph, and leaves no process."""
 
 import os
 import signal
@@ -17,7 +17,7 @@ from snca_ros.recording.offline import record_offline
 
 
 def node_of(pid):
-    """Return what a child of a walk is: an executable, or the name of a forked voxel."""
+    """Return the executable of a child of a walk, or the name of a forked voxel."""
     try:
         words = Path(f'/proc/{pid}/cmdline').read_text().split('\0') + [''] * 4
         return words[3] if words[3] != 'walk' else Path(f'/proc/{pid}/comm').read_text().strip()
@@ -80,7 +80,7 @@ def test_killing_the_walk_leaves_no_process(start, make_controller, tmp_path, nu
         assert (tmp_path / 'bag' / 'metadata.yaml').exists()
 
 
-def test_voxel_that_dies_is_named(start, make_controller):
+def test_a_killed_voxel_is_named(start, make_controller):
     child = start('walk', make_controller('11-10'), '--duration', 3600, '--no-bag')
     wait_until(lambda: len(children_of(child.pid)) == 4)
     (victim,) = wait_until(
@@ -114,7 +114,7 @@ def test_bad_input_is_named_and_nothing_starts(start, make_controller, tmp_path,
 
 
 def voxel_pid(walk_pid, name):
-    """Return the process of a voxel of a walk, which is a fork or was started again."""
+    """Return the process id of a voxel of a walk, which is a fork or was restarted."""
     for pid in children_of(walk_pid):
         words = Path(f'/proc/{pid}/cmdline').read_text().split('\0')
         if node_of(pid) == name or name in words:
@@ -122,7 +122,7 @@ def voxel_pid(walk_pid, name):
     return None
 
 
-def test_killed_voxel_is_started_again(start, make_controller, tmp_path):
+def test_a_killed_voxel_is_restarted(start, make_controller, tmp_path):
     child = start(
         'walk', make_controller('11-10'), '--duration', 30, '--respawn', '--bag', 'bag'
     )
@@ -133,7 +133,7 @@ def test_killed_voxel_is_started_again(start, make_controller, tmp_path):
     wait_until(lambda: voxel_pid(child.pid, 'voxel_0_1') not in (first, None))
     output, _ = child.communicate(timeout=120)
     assert child.returncode == 0, output
-    assert 'voxel_node voxel_0_1 ended with code -9: started again' in output
+    assert 'voxel_node voxel_0_1 ended with code -9: restarted' in output
     assert '1801 positions of the centre, the same until step' in output
     assert lost_in_total(output) == 0, output
 
@@ -143,7 +143,7 @@ def lost_in_total(output):
     return int(line.split()[-1])
 
 
-def test_real_time_walk_goes_on_without_a_killed_voxel(start, make_controller, tmp_path):
+def test_real_time_walk_continues_without_a_killed_voxel(start, make_controller, tmp_path):
     child = start(
         'walk', make_controller('11-10'), '--duration', 6, '--real-time', 2, '--bag', 'bag'
     )
@@ -153,7 +153,7 @@ def test_real_time_walk_goes_on_without_a_killed_voxel(start, make_controller, t
     os.kill(victim, signal.SIGKILL)
     output, _ = child.communicate(timeout=90)
     assert child.returncode == 0, output
-    assert 'voxel_node voxel_0_1 ended with code -9: the robot goes on without' in output
+    assert 'voxel_node voxel_0_1 ended with code -9: the walk continues without it' in output
     assert 'missed deadlines' in output
     assert 'voxel_0_1/spikes at voxel_0_0: ' in output
     assert 'lost on /robot_11_10/voxel_0_1/actuation' in output

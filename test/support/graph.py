@@ -1,4 +1,4 @@
-"""What a test does to a running graph, and the offline walk that it is compared with."""
+"""Service calls to a running graph, and the offline walk that it is compared with."""
 
 from std_srvs.srv import SetBool
 

@@ -1,4 +1,4 @@
-"""A recording of random numbers, as large as a test wants it."""
+"""A recording of random numbers, of any size."""
 
 import math
 from pathlib import Path

@@ -14,7 +14,7 @@ LIMIT = 300.0  # s; only a hang reaches it
 def wait_until(
     condition: Callable[[], object], what: str = 'a condition', limit: float = LIMIT
 ) -> object:
-    """Poll what no event tells; return what the condition returned."""
+    """Poll a condition until it is true; return its value."""
     end = time.monotonic() + limit
     while not (found := condition()):
         assert time.monotonic() < end, f'waited in vain for {what}'
@@ -32,7 +32,7 @@ def stat_of(pid: int) -> tuple[str, int, str] | None:
 
 
 def children_of(*pids: int) -> dict[int, str]:
-    """Return the living children of processes: id to start time."""
+    """Return the running children of processes: id to start time."""
     stats = {int(p.name): stat_of(int(p.name)) for p in Path('/proc').glob('[0-9]*')}
     return {
         child: stat[2] for child, stat in stats.items()
@@ -51,13 +51,13 @@ def offspring(pid: int) -> dict[int, str]:
 
 
 def is_alive(pid: int, started: str | None = None) -> bool:
-    """Tell whether a process runs, which began at `started` if given; a zombie does not."""
+    """Return whether a process runs, which began at `started` if given; a zombie does not."""
     stat = stat_of(pid)
     return stat is not None and started in (None, stat[2]) and stat[0] not in 'ZX'
 
 
 def wait_until_gone(processes: dict[int, str]) -> None:
-    """Wait for the end of processes (id to start time), and kill those that go on."""
+    """Wait until processes (id to start time) have ended, and kill those that do not end."""
     def alive() -> list[int]:
         return [pid for pid, started in processes.items() if is_alive(pid, started)]
 

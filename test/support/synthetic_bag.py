@@ -131,7 +131,7 @@ def diagnostics(node: str, figures: Mapping[str, object], process: str = 'host:1
 
 
 def messages_of_step(walk: Walk, step: int, robot: str = 'biped') -> list[Message]:
-    """Return what the graph sends in control step `step`."""
+    """Return the messages that the graph publishes in control step `step`."""
     out = [('/clock', clock(step)), (f'/{robot}/odometry', odometry(step, walk.centers[step]))]
     if step % 2 == 0:
         points = {} if walk.corners is None else {
@@ -161,7 +161,7 @@ def messages_of_step(walk: Walk, step: int, robot: str = 'biped') -> list[Messag
 
 
 def messages_of_walk(walk: Walk, robot: str = 'biped') -> list[list[Message]]:
-    """Return what the graph sends, step by step."""
+    """Return the messages that the graph publishes, by step."""
     return [messages_of_step(walk, k, robot) for k in range(len(walk.centers))]
 
 

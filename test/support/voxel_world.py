@@ -1,7 +1,7 @@
-"""A robot whose voxels are `VoxelCore`s, over links that delay, repeat and lose without ROS.
+"""A robot of `VoxelCore`s without ROS, whose connections deliver messages in any order and delay.
 
-A link hands on what a writer has said in its order; what gets lost on the way is sent again, as
-reliable writers do it. When and in which order across links is up to the test.
+A connection delivers the messages of a publisher in order, as a reliable publisher does. The test
+decides when, and in which order across connections.
 """
 
 import numpy as np
@@ -13,13 +13,13 @@ from snca_ros.cell.cells import Cells, reset_cells
 from snca_ros.controller import Controller, weights_of
 from snca_ros.faults import CellFaults, Faults, VoxelFaults
 from snca_ros.nodes.own_part import OwnPart
-from snca_ros.nodes.voxel_core import Heard, VoxelCore
+from snca_ros.nodes.voxel_core import SensorsResult, VoxelCore
 
 HORIZON = 1000
 SQUARE = parse_morphology('11-11')  # every voxel has two neighbours
 
 
-def nobody(episode):
+def no_duplicate(episode):
     return False
 
 
@@ -34,7 +34,7 @@ def name_of(number):
 
 
 class Robot:
-    """What the cells of a robot are: theta, faults, and its offline twin."""
+    """The parameters of a robot's cells, its faults and its offline twin."""
 
     def __init__(self, name='U-D', model='mlp', faults=None, seed=0):
         self.architecture, self.morphology = Architecture.named(name, model), SQUARE
@@ -55,42 +55,42 @@ class Robot:
         options = {'patience': 0.0, 'real_time': False, 'horizon': HORIZON, **options}
         return VoxelCore(self.part(i), directions, **options)
 
-    def twin(self, n_steps, afresh=()):
+    def twin(self, n_steps, resets=()):
         """Return the (n_steps, n) actuation of the offline twin.
 
         Args:
             n_steps: control steps to make.
-            afresh: (step, voxel) pairs: before this step the voxel's cell starts afresh.
+            resets: (step, voxel) pairs: the voxel's cell is reset before this step.
         """
         controller = Controller(self.architecture, self.morphology, self.theta, self.faults)
         actuation, rows = np.zeros(self.n), []
         for k in range(n_steps):
-            for step, i in afresh:
+            for step, i in resets:
                 if step == k:
-                    said = controller.cells.state.outbox[i].copy()  # is on its way already
+                    sent = controller.cells.state.outbox[i].copy()  # was published before
                     reset_cells(controller.cells.state, i, i + 1)
-                    controller.cells.state.outbox[i] = said
+                    controller.cells.state.outbox[i] = sent
             actuation = controller.step(readings_of(actuation, k))
             rows.append(actuation)
         return np.array(rows)
 
 
-class Link:
-    """What one writer has said, and how far one reader is."""
+class Connection:
+    """The messages of one publisher, and how many of them one subscriber has taken."""
 
     def __init__(self):
-        self.said, self.taken = [], 0
+        self.sent, self.taken = [], 0
 
     def next(self):
         self.taken += 1
-        return self.said[self.taken - 1]
+        return self.sent[self.taken - 1]
 
 
 class World:
-    """A robot in lock-step; `events` says what may happen now.
+    """A robot in lock-step; `events` returns what can happen next.
 
     Attributes:
-        answers: (episode, step, voxel) of each answer of a voxel, in order.
+        answers: (episode, step, voxel, number of restarts) of each answer of a voxel, in order.
         actuation: rows of each episode so far.
         killed: (episode, step, voxel) of each kill.
     """
@@ -98,13 +98,13 @@ class World:
     def __init__(self, robot):
         self.robot = robot
         self.cores = [robot.core(i) for i in range(robot.n)]
-        self.sensors = [Link() for _ in self.cores]
+        self.sensors = [Connection() for _ in self.cores]
         self.messages = {
-            (i, d): Link() for i, row in enumerate(robot.morphology.neighbors)
+            (i, d): Connection() for i, row in enumerate(robot.morphology.neighbors)
             for d, j in enumerate(row) if j >= 0
         }
-        self.to_simulation = [Link() for _ in self.cores]
-        self.answers, self.lives, self.killed = [], [0] * robot.n, []
+        self.to_simulation = [Connection() for _ in self.cores]
+        self.answers, self.restarts, self.killed = [], [0] * robot.n, []
         self.actuation = []
         self._buffer = Answers(robot.morphology.voxel_names, hold=False)
         self.reset()
@@ -128,36 +128,36 @@ class World:
         for link, readings in zip(
             self.sensors, readings_of(actuation, self.step), strict=True
         ):
-            link.said.append((self.episode, self.step, readings))
+            link.sent.append((self.episode, self.step, readings))
 
     def events(self):
-        """Return what may happen now, as functions: each link hands on, each voxel joins."""
+        """Return the possible events as functions: deliver a message, or let a voxel join."""
         found = []
         for i, core in enumerate(self.cores):
-            if self.sensors[i].taken < len(self.sensors[i].said):
-                found.append(lambda i=i: self.bring_sensors(i))
-            elif not core.joined:  # nothing newer has come for a while
+            if self.sensors[i].taken < len(self.sensors[i].sent):
+                found.append(lambda i=i: self.deliver_sensors(i))
+            elif not core.joined:  # no newer sensors have arrived for a while
                 found.append(lambda i=i: self.join(i))
-            if self.to_simulation[i].taken < len(self.to_simulation[i].said):
-                found.append(lambda i=i: self.bring_actuation(i))
+            if self.to_simulation[i].taken < len(self.to_simulation[i].sent):
+                found.append(lambda i=i: self.deliver_actuation(i))
         for (i, d), link in self.messages.items():
-            if self.cores[i].joined and link.taken < len(link.said):
-                found.append(lambda i=i, d=d: self.bring_message(i, d))
+            if self.cores[i].joined and link.taken < len(link.sent):
+                found.append(lambda i=i, d=d: self.deliver_message(i, d))
         return found
 
-    def bring_sensors(self, i):
-        assert self.cores[i].hear_sensors(*self.sensors[i].next(), 0.0) is Heard.TAKEN
-        self.look(i)
+    def deliver_sensors(self, i):
+        assert self.cores[i].receive_sensors(*self.sensors[i].next(), 0.0) is SensorsResult.ACCEPTED
+        self.step_voxel(i)
 
     def join(self, i):
-        assert self.cores[i].join(nobody)
-        self.look(i)
+        assert self.cores[i].join(no_duplicate)
+        self.step_voxel(i)
 
-    def bring_message(self, i, d):
-        self.cores[i].hear_neighbor(d, *self.messages[i, d].next())
-        self.look(i)
+    def deliver_message(self, i, d):
+        self.cores[i].receive_message(d, *self.messages[i, d].next())
+        self.step_voxel(i)
 
-    def bring_actuation(self, i):
+    def deliver_actuation(self, i):
         episode, step, a = self.to_simulation[i].next()
         if episode != self.episode:
             return
@@ -166,34 +166,34 @@ class World:
             self.actuation[-1].append(self._buffer.close_step(self.step).copy())
             self._send_sensors(self.actuation[-1][-1])
 
-    def look(self, i):
-        """Let a voxel step if it may."""
+    def step_voxel(self, i):
+        """Step a voxel if its inputs are complete."""
         answer = self.cores[i].answer(0.0)
         if answer is None:
             return
-        self.answers.append((answer.episode, answer.step, i, self.lives[i]))
-        self.to_simulation[i].said.append((answer.episode, answer.step, answer.actuation))
+        self.answers.append((answer.episode, answer.step, i, self.restarts[i]))
+        self.to_simulation[i].sent.append((answer.episode, answer.step, answer.actuation))
         for (j, d), link in self.messages.items():
             if self.robot.morphology.neighbors[j, d] == i:
-                link.said.append((answer.episode, answer.step, answer.outbox))
+                link.sent.append((answer.episode, answer.step, answer.outbox))
 
     def may_be_killed(self, i):
-        """Tell whether a voxel holds sensors of now and has not answered: its cell forgets."""
-        said = self.to_simulation[i].said
-        return not said or said[-1][:2] != (self.episode, self.step)
+        """Return whether a voxel has not answered the current step: then its twin can be reset."""
+        sent = self.to_simulation[i].sent
+        return not sent or sent[-1][:2] != (self.episode, self.step)
 
     def kill(self, i):
-        """Start a voxel afresh: it is told what all have said, from the beginning."""
+        """Restart a voxel: it receives all messages from the first."""
         self.killed.append((self.episode, self.step, i))
         self.cores[i] = self.robot.core(i)
-        self.lives[i] += 1
+        self.restarts[i] += 1
         self.sensors[i].taken = 0
         for (j, _), link in self.messages.items():
             if j == i:
                 link.taken = 0
 
     def finish(self, n_steps):
-        """Hand on everything in turn until so many steps are made."""
+        """Deliver all messages in turn until `n_steps` steps are made."""
         while self.step < n_steps:
             events = self.events()
             assert events, 'all wait for each other'
@@ -201,7 +201,7 @@ class World:
                 event()
 
     def expected(self, number):
-        """Return what the offline twin does in an episode, by its index."""
+        """Return the actuation of the offline twin in an episode, by its index."""
         name = name_of(number + 1)
-        afresh = [(step, i) for episode, step, i in self.killed if episode == name]
-        return self.robot.twin(len(self.actuation[number]), afresh)
+        resets = [(step, i) for episode, step, i in self.killed if episode == name]
+        return self.robot.twin(len(self.actuation[number]), resets)

@@ -1,4 +1,4 @@
-// The page of a walk that goes on: frames come over a WebSocket, commands go back.
+// The page of a running walk: it receives frames over a WebSocket and sends commands.
 'use strict';
 
 class LiveWalk extends Walk {
@@ -23,7 +23,7 @@ class LiveWalk extends Walk {
     return Math.round(this.duration * this.rate) + 1;
   }
 
-  // Who opens the page late has seen nothing before.
+  // The page has no frames from before it was opened.
   get begin() {
     return this.times[0] ?? 0;
   }
@@ -47,16 +47,16 @@ class LiveWalk extends Walk {
     return [low, high, length ? Math.min(Math.max((time - this.times[low]) / length, 0), 1) : 1];
   }
 
-  // The centre is in them already.
+  // Unlike in a recording, the corners are absolute.
   corners(voxel, time) {
     return [0, 2, 4, 6].map((i) => [0, 1].map((j) => this.between('corners', time, 8 * voxel + i + j)));
   }
 
-  // False if the walk began anew: this is none of its frames.
-  append({ step, said, health, ...numbers }) {
+  // Add a frame; return false if it is of another episode, after a reset.
+  append({ step, messages, health, ...numbers }) {
     const time = step / this.rate;
     if (time < this.duration) return false;
-    for (const [at, voxel, channels] of said)
+    for (const [at, voxel, channels] of messages)
       channels.forEach((value, i) => {
         this.data.messages.raw[(at * this.voxels.length + voxel) * this.channelCount + i] = value;
       });
@@ -71,19 +71,19 @@ class LiveWalk extends Walk {
     return true;
   }
 
-  // The mean firing rate [Hz] of each voxel's channels over the last second.
+  // Return the mean firing rate [Hz] of each voxel's channels over the last second.
   rates(step) {
     const { raw } = this.data.messages, each = this.voxels.length, n = this.channelCount;
     return this.voxels.map((_, voxel) => {
-      let spikes = 0, heard = 0;
+      let spikes = 0, received = 0;
       for (let at = Math.max(step - this.rate, 0); at < step; at++) {
         const first = (at * each + voxel) * n;
         if (raw[first] === undefined) continue;
-        heard++;
+        received++;
         for (let i = 0; i < n; i++)
           for (let bits = raw[first + i]; bits; bits &= bits - 1) spikes++;
       }
-      return heard ? (spikes / n) * (this.rate / heard) : null;
+      return received ? (spikes / n) * (this.rate / received) : null;
     });
   }
 }
@@ -101,7 +101,7 @@ class LivePlayer extends Player {
     this.draw();
   }
 
-  // Play is to follow the walk; whoever looks back stays where he looks.
+  // "Play" follows the newest frame; after pausing or seeking the page stays at its time.
   toggle() {
     this.following = !this.following;
     this.arrive();
@@ -126,8 +126,8 @@ class LivePlayer extends Player {
     this.playing = this.following;
     super.draw();
     const { from } = this.selection, name = this.walk.voxels[from];
-    const [level, words] = this.walk.health?.[name] ?? [0, ''];
-    element('node').textContent = from === undefined ? 'Click a voxel.' : `${name}: ${words}`;
+    const [level, text] = this.walk.health?.[name] ?? [0, ''];
+    element('node').textContent = from === undefined ? 'Click a voxel.' : `${name}: ${text}`;
     element('node').dataset.level = level;
     for (const action of ['kill', 'revive', 'noise'])
       element(action).disabled = from === undefined;
@@ -139,7 +139,7 @@ function openLive(header) {
   let walk = new LiveWalk(header), player = null;
   socket.addEventListener('message', ({ data }) => {
     const frame = JSON.parse(data);
-    if (!walk.append(frame)) location.reload(); // it was reset
+    if (!walk.append(frame)) location.reload(); // the simulation was reset
     else if (player) player.arrive();
     else window.player = player = new LivePlayer(walk, socket);
   });

@@ -1,4 +1,4 @@
-// Opens the page: a recorded walk, or one that goes on.
+// Opens the page of a recorded walk or of a running one.
 'use strict';
 
 const header = JSON.parse(element('header').textContent);

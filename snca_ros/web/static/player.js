@@ -1,4 +1,4 @@
-// The page: play, pause, scrub, choose; everything drawn at one time.
+// The controls of the page: play, pause, seek, select; and everything drawn at one time.
 'use strict';
 
 const element = (id) => document.getElementById(id);
@@ -50,15 +50,15 @@ class Player {
     matchMedia('(prefers-color-scheme: dark)').addEventListener('change', redraw);
   }
 
-  // All voxels, or one, or one of its links.
+  // Fill the list of what can be selected: all voxels, one, or one of its connections.
   choices() {
     const { walk, selection: { from, to } } = this;
     const options = [new Option('all voxels', ''), ...walk.voxels.map((name, i) => new Option(name, i))];
     if (from !== undefined) {
       const near = walk.neighbours(from);
-      const link = (a, b) => new Option(`${walk.voxels[a]} → ${walk.voxels[b]}`, `${a}>${b}`);
+      const pair = (a, b) => new Option(`${walk.voxels[a]} → ${walk.voxels[b]}`, `${a}>${b}`);
       const at = from + 2;
-      options.splice(at, 0, ...near.map((i) => link(from, i)), ...near.map((i) => link(i, from)));
+      options.splice(at, 0, ...near.map((i) => pair(from, i)), ...near.map((i) => pair(i, from)));
     }
     element('choice').replaceChildren(...options);
     element('choice').value = from === undefined ? '' : to === undefined ? from : `${from}>${to}`;
@@ -127,7 +127,7 @@ class Player {
     element('speed').value = speed;
   }
 
-  // What is shown, in numbers.
+  // Return the state of the page and the robot's position and velocity.
   state() {
     const { walk, time, playing, speed, selection } = this;
     return {

@@ -1,4 +1,4 @@
-// Plots over the whole walk (uPlot), with a line where the player is.
+// Plots over the whole walk (uPlot), with a line at the player's time.
 'use strict';
 
 const mean = (numbers) => {
@@ -19,7 +19,7 @@ const line = (label, stroke, width) => ({
 });
 
 class Plot {
-  // One line over the walk, or, of what voxels have, a line each, their mean and the selected one.
+  // One line, or, for numbers of each voxel, a line per voxel, their mean and the selected voxel.
   constructor(parent, walk, name, label, seek) {
     this.walk = walk;
     this.name = name;
@@ -60,7 +60,7 @@ class Plot {
     this.chart.setSize({ width: Math.max(parent.clientWidth, 200), height: 150 });
   }
 
-  // All lines from the walk's numbers.
+  // Return the data of all lines, and show them if the chart exists.
   refill(selected) {
     const { walk, name } = this, frames = [...Array(walk.frames).keys()];
     const times = frames.map((row) => walk.timeOf(row));
@@ -85,7 +85,7 @@ class Plot {
   }
 }
 
-// How a run of evolution got there: its scores over evaluations; `label` is quantity and unit.
+// The history of a run of evolution: its scores over evaluations; `label` is quantity and unit.
 function drawHistory(parent, { evaluations, best_so_far: soFar, best, median }, label) {
   const chart = new uPlot({
     width: 300, height: 200, scales: { x: { time: false } }, cursor: { y: false },

@@ -1,4 +1,4 @@
-// What voxels say, moving in step with the robot: spikes as ticks, values as colours.
+// The messages that voxels send around the player's time: spikes as ticks, values as colours.
 'use strict';
 
 const RASTER_PAST = 1.5, RASTER_FUTURE = 0.5; // seconds shown before and after now
@@ -9,7 +9,7 @@ class Raster {
     this.walk = walk;
   }
 
-  // The rows of a selection: [{label, voxel, channels}].
+  // Return the rows of a selection: [{label, voxel, channels}].
   groups({ from, to }) {
     const { walk } = this;
     const voxels = from === undefined ? walk.voxels.map((_, i) => i) : [from];

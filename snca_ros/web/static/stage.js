@@ -1,12 +1,12 @@
 // The robot on its terrain, drawn on a canvas.
 'use strict';
 
-// A colour of the page's style sheet.
+// Return a colour of the page's style sheet.
 function color(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 }
 
-// A canvas as large as its element, cleared, in CSS pixels.
+// Clear a canvas and fit it to its element; return context, width and height in CSS pixels.
 function cleared(canvas) {
   const ratio = window.devicePixelRatio || 1;
   const { clientWidth: width, clientHeight: height } = canvas;
@@ -18,7 +18,7 @@ function cleared(canvas) {
   return [context, width, height];
 }
 
-// Orange where contracted, pale at rest, blue where expanded: sim_node.drawing.area_colors.
+// Return orange if contracted, pale at rest, blue if expanded, as sim_node.drawing.area_colors.
 function areaColor(ratio) {
   if (Number.isNaN(ratio)) return color('unknown');
   const stops = [[214, 94, 0], [245, 237, 209], [0, 115, 179]];
@@ -37,7 +37,7 @@ class Stage {
     this.tall = Math.max(...ys) - Math.min(...ys);
   }
 
-  // Where the camera looks: the mean over a second before and after.
+  // Return the point that the camera shows: the mean over a second before and after.
   camera(time) {
     const xs = Array.from({ length: 21 }, (_, i) => this.walk.between('x', time + i / 10 - 1));
     const mean = (numbers) => numbers.reduce((a, b) => a + b, 0) / numbers.length;
@@ -108,7 +108,7 @@ class Stage {
     context.closePath();
   }
 
-  // A voxel in the colour of its area; the inner square is what its cell commands.
+  // Draw a voxel in the colour of its area, with an inner square that shows its actuation.
   voxel(context, shape, i, frame) {
     this.path(context, shape);
     context.fillStyle = areaColor(this.walk.at('area', frame, i));
@@ -117,7 +117,7 @@ class Stage {
     context.fill();
     context.stroke();
     const [level] = this.walk.health?.[this.walk.voxels[i]] ?? [0];
-    if (level > 0) this.unwell(context, shape, level);
+    if (level > 0) this.unhealthy(context, shape, level);
     const command = this.walk.at('actuation', frame, i);
     if (Number.isNaN(command)) return;
     const [x, y] = middle(shape), size = 0.28 - 0.16 * command;
@@ -127,8 +127,8 @@ class Stage {
     context.stroke();
   }
 
-  // Of a live walk: a cross over a voxel whose node is dead, one stroke if it complains.
-  unwell(context, [a, b, c, d], level) {
+  // In a live walk: mark a voxel whose node has an error with a cross, a warning with a stroke.
+  unhealthy(context, [a, b, c, d], level) {
     context.strokeStyle = color('accent');
     context.lineWidth = 2;
     context.beginPath();
@@ -141,7 +141,7 @@ class Stage {
     context.stroke();
   }
 
-  // The lower side of a voxel that feels the ground.
+  // Draw the lower side of a voxel that touches the ground.
   footprint(context, shape, i, frame) {
     const touch = this.walk.at('touch', frame, i);
     if (!(touch > 0.05)) return;
@@ -173,7 +173,7 @@ class Stage {
     context.fill();
   }
 
-  // The voxel drawn at a place of the canvas [CSS pixels].
+  // Return the index of the voxel at a point of the canvas [CSS pixels]; -1 if there is none.
   voxelAt(x, y) {
     return this.shapes.findIndex((shape) => {
       const path = new Path2D();

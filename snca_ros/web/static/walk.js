@@ -1,8 +1,8 @@
-// A walk as numbers: what the page was given, by frame and by time.
+// The data of a walk, by frame and by time.
 'use strict';
 
 class Walk {
-  // header: the page's JSON; buffer: the bytes of its arrays, one behind the other.
+  // header: the page's JSON; buffer: the bytes of its arrays, concatenated.
   constructor(header, buffer) {
     Object.assign(this, header);
     this.data = {};
@@ -46,27 +46,27 @@ class Walk {
     return name in this.data;
   }
 
-  // The number of an array in a row; NaN if it is not known.
+  // Return a number of a row of an array; NaN if it is unknown.
   at(name, row, column = 0) {
     const { raw, low, step, none, row: width } = this.data[name];
     const value = raw[row * width + column];
     return value === none ? NaN : low + step * value;
   }
 
-  // The frames before and after a time, and how far the time is from the first to the second.
+  // Return the frames before and after a time, and the fraction of the interval between them.
   around(time) {
     const place = Math.min(Math.max((time * this.rate) / this.stride, 0), this.frames - 1);
     const before = Math.floor(place);
     return [before, Math.min(before + 1, this.frames - 1), place - before];
   }
 
-  // A number at a time, on the line between two frames.
+  // Return a number at a time, interpolated between two frames.
   between(name, time, column = 0) {
     const [a, b, part] = this.around(time);
     return (1 - part) * this.at(name, a, column) + part * this.at(name, b, column);
   }
 
-  // The corners [m] of a voxel at a time: [[x, y], ...] from the upper left one, clockwise.
+  // Return the corners [m] of a voxel at a time: [[x, y], ...], clockwise from the upper left.
   corners(voxel, time) {
     const x = this.between('x', time), y = this.between('y', time);
     return [0, 2, 4, 6].map((i) => [
@@ -75,13 +75,13 @@ class Walk {
     ]);
   }
 
-  // The voxels beside a voxel.
+  // Return the indices of a voxel's neighbours.
   neighbours(voxel) {
     const [x, y] = this.places[voxel];
     return this.places.flatMap(([a, b], i) => (Math.abs(a - x) + Math.abs(b - y) === 1 ? [i] : []));
   }
 
-  // The channels of `from` that `to` hears: those of one side, if the cells are directional.
+  // Return the channels that `from` sends to `to`: those of one side if cells are directional.
   channels(from, to) {
     const all = [...Array(this.channelCount).keys()];
     if (to === undefined || !this.directional) return all;
@@ -91,7 +91,7 @@ class Walk {
     return all.slice(side * perSide, (side + 1) * perSide);
   }
 
-  // The height [m] of the ground at x [m].
+  // Return the height [m] of the ground at x [m].
   height(x) {
     const [xs, ys] = this.ground;
     let low = 0, high = xs.length - 1;

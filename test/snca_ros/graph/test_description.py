@@ -1,4 +1,4 @@
-"""The graph of one robot described, without ROS."""
+"""The description of one robot's graph, without ROS."""
 
 from dataclasses import replace
 
@@ -20,13 +20,13 @@ BIPED = parse_morphology('biped')
 
 
 @given(st.integers(1, 10))
-def test_shares_deal_every_voxel_once(n):
+def test_shares_partition_the_voxels(n):
     shares = [choose_voxels(BIPED, f'{k}/{n}') for k in range(1, n + 1)]
     assert sum(shares, ()) == BIPED.voxel_names
     assert {len(share) for share in shares} <= {10 // n, 10 // n + 1}
 
 
-def test_named_voxels_come_in_order_and_once():
+def test_named_voxels_are_sorted_and_unique():
     assert choose_voxels(BIPED, 'voxel_3_0,voxel_0_0,voxel_3_0') == ('voxel_0_0', 'voxel_3_0')
     assert choose_voxels(BIPED, 'none') == ()
     assert choose_voxels(BIPED, '') == BIPED.voxel_names

@@ -19,17 +19,18 @@ def interfaces(tmp_path):
 @pytest.mark.parametrize('states', [
     {'lo': 'unknown'}, {'lo': 'unknown', 'eth0': 'down', 'wlan0': 'up'}, {'tun0': 'unknown'}, {},
 ])
-def test_goes_on_at_once(interfaces, states, capfd):
+def test_returns_at_once_if_an_interface_is_up_or_there_is_none(interfaces, states, capfd):
     await_network(interfaces(**states), patience=0.0)
     assert capfd.readouterr().err == ''
 
 
-def test_says_which_interfaces_do_not_run(interfaces, capfd):
+def test_names_the_interfaces_that_are_down(interfaces, capfd):
     await_network(interfaces(lo='unknown', wlan0='dormant', eth0='down'), patience=0.0)
-    assert capfd.readouterr().err == 'no network: of eth0, wlan0 none runs; going on without\n'
+    expected = 'no network interface is up (eth0, wlan0); starting anyway\n'
+    assert capfd.readouterr().err == expected
 
 
-def test_waits_until_one_runs(interfaces, capfd):
+def test_waits_until_an_interface_is_up(interfaces, capfd):
     folder = interfaces(eth0='down')
     waiting = threading.Thread(target=await_network, args=(folder, 60.0))
     waiting.start()

@@ -1,10 +1,10 @@
-"""A voxel says, once an episode, that its controller was evolved in another physics."""
+"""The warning, once per episode, that a controller was evolved in another physics."""
 
 import pytest
 
 from sim_node.episode import new_episode
 from sim_node.model.physics import PHYSICS
-from snca_ros.nodes.mismatch import Mismatch
+from snca_ros.nodes.mismatch import PhysicsMismatch
 
 
 def episode(physics):
@@ -12,24 +12,24 @@ def episode(physics):
 
 
 @pytest.mark.parametrize('physics', PHYSICS)
-def test_the_same_physics_is_not_worth_a_word(physics):
-    said = []
-    mismatch = Mismatch('a.npz', physics, said.append)
+def test_the_same_physics_gives_no_warning(physics):
+    warnings = []
+    mismatch = PhysicsMismatch('a.npz', physics, warnings.append)
     for name in (episode(physics), episode(physics)):
-        mismatch.note(name)
-    assert (said, mismatch.words) == ([], '')
+        mismatch.check(name)
+    assert (warnings, mismatch.text) == ([], '')
 
 
-def test_each_episode_of_another_physics_is_warned_of_once():
-    said = []
-    mismatch = Mismatch('/runs/a.npz', 'first', said.append)
+def test_each_episode_with_another_physics_gives_one_warning():
+    warnings = []
+    mismatch = PhysicsMismatch('/runs/a.npz', 'first', warnings.append)
     for name in (episode('reference'), episode('first'), episode('reference'), b'x1234567'):
         for _ in range(3):
-            mismatch.note(name)
-        assert bool(mismatch.words) == (name[:1] in (b'r', b'x'))
-    assert len(said) == 3
+            mismatch.check(name)
+        assert bool(mismatch.text) == (name[:1] in (b'r', b'x'))
+    assert len(warnings) == 3
     for text in ('/runs/a.npz', "physics 'first'", "has 'reference'", 'sim_node',
                  '-p controller:=/runs/a.npz', '-p solver.physics:=first'):
-        assert text in said[0]
-    assert "has 'unknown'" in said[2]
-    assert mismatch.words == 'evolved in the physics first, simulated in unknown'
+        assert text in warnings[0]
+    assert "has 'unknown'" in warnings[2]
+    assert mismatch.text == 'evolved in the physics first, simulated in unknown'

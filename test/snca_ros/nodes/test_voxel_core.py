@@ -1,4 +1,4 @@
-"""A voxel takes nothing old, foreign or twice, whatever comes; it waits as told, or never."""
+"""A voxel uses no old, foreign or repeated message, and waits as its options say."""
 
 from types import SimpleNamespace
 
@@ -11,7 +11,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 from sim_node.control_time import START_STEPS
 from sim_node.errors import InvalidInput
 from snca_ros.nodes.own_part import OwnPart
-from snca_ros.nodes.voxel_core import LOOK_PERIOD, Heard, VoxelCore
+from snca_ros.nodes.voxel_core import POLL_PERIOD, SensorsResult, VoxelCore
 
 LEFT, RIGHT = 1, 3
 HORIZON = 100
@@ -23,11 +23,11 @@ episodes = st.sampled_from([None] * 12 + EPISODES)  # None: the present one
 directions = st.sampled_from([LEFT, RIGHT])
 
 
-class Parrot:
-    """A cell that repeats what it is told."""
+class CellSpy:
+    """A cell that records its inputs."""
 
     def __init__(self):
-        self.resets, self.told, self.outbox = 0, [], np.zeros((1, 1, 1, 1))
+        self.resets, self.inputs, self.outbox = 0, [], np.zeros((1, 1, 1, 1))
 
     def reset(self):
         self.resets += 1
@@ -37,12 +37,12 @@ class Parrot:
 
     def step_cell(self, i, readings, inbox, step):
         assert i == 0
-        self.told.append((step, readings.copy(), inbox[:, 0, 0].copy()))
+        self.inputs.append((step, readings.copy(), inbox[:, 0, 0].copy()))
         return 0.5
 
 
-class Soundness:
-    """No faults."""
+class NoFaults:
+    """The faults of a voxel without any."""
 
     def __init__(self):
         self.resets = 0
@@ -59,7 +59,7 @@ class Soundness:
 
 def make_core(patience=0.0, real_time=False, joined=True, faults=None):
     architecture = SimpleNamespace(directional=False)
-    part = OwnPart(architecture, Parrot(), faults or Soundness(), 'reference')
+    part = OwnPart(architecture, CellSpy(), faults or NoFaults(), 'reference')
     core = VoxelCore(
         part, [LEFT, RIGHT], patience=patience, real_time=real_time, horizon=HORIZON
     )
@@ -67,27 +67,28 @@ def make_core(patience=0.0, real_time=False, joined=True, faults=None):
     return core, part.cells
 
 
-def word(number):
-    """Return a message that tells which one it is."""
+def numbered_message(number):
+    """Return a message that can be recognised by its number."""
     return np.full((1, 1, 1), float(number))
 
 
 def sense(core, step, episode=EPISODES[0], now=0.0):
-    return core.hear_sensors(episode, step, NOTHING, now)
+    return core.receive_sensors(episode, step, NOTHING, now)
 
 
-def say(core, step, *where, episode=EPISODES[0], number=1):
-    return [core.hear_neighbor(d, episode, step, word(number)) for d in where or (LEFT, RIGHT)]
+def send(core, step, *where, episode=EPISODES[0], number=1):
+    message = numbered_message(number)
+    return [core.receive_message(d, episode, step, message) for d in where or (LEFT, RIGHT)]
 
 
-class AnythingComes(RuleBasedStateMachine):
+class AnythingArrives(RuleBasedStateMachine):
     """Sensors and messages of any episode and step, in any order, any number of times."""
 
     real_time = False
 
     def __init__(self):
         super().__init__()
-        self.faults = Soundness()
+        self.faults = NoFaults()
         self.core, self.cell = make_core(
             real_time=self.real_time, joined=False, faults=self.faults
         )
@@ -109,15 +110,15 @@ class AnythingComes(RuleBasedStateMachine):
         present = bool(self.begun) and episode == self.begun[-1]
         if present and step > before + HORIZON:
             with pytest.raises(InvalidInput, match='stamp'):
-                self.core.hear_sensors(episode, step, readings, self.now)
+                self.core.receive_sensors(episode, step, readings, self.now)
             return
-        heard = self.core.hear_sensors(episode, step, readings, self.now)
+        heard = self.core.receive_sensors(episode, step, readings, self.now)
         if episode in self.begun[:-1]:
-            assert heard is Heard.PAST
+            assert heard is SensorsResult.PAST
         elif present and step <= before:
-            assert heard is Heard.REPEATED
+            assert heard is SensorsResult.REPEATED
         else:
-            assert heard is Heard.TAKEN
+            assert heard is SensorsResult.ACCEPTED
             if not present:
                 self.begun.append(episode)
             self.sensed[episode, step] = readings
@@ -136,14 +137,15 @@ class AnythingComes(RuleBasedStateMachine):
         episode, step = self.now_or(episode), max(self.core.step + ahead, 0)
         self.number += 1
         self.n_strays += episode != self.core.episode
-        if self.core.hear_neighbor(direction, episode, step, word(self.number)):
+        message = numbered_message(self.number)
+        if self.core.receive_message(direction, episode, step, message):
             assert episode not in self.begun[:-1]
             assert episode != self.core.episode or step >= self.core.step - 1
             self.kept.setdefault((direction, episode, step), []).append(self.number)
         self.look()
 
     @rule(seconds=st.floats(0.0, 10.0))
-    def time_goes_by(self, seconds):
+    def time_passes(self, seconds):
         self.now += seconds
         self.look()
 
@@ -158,19 +160,19 @@ class AnythingComes(RuleBasedStateMachine):
         episode, step = answer.episode, answer.step
         assert episode == self.begun[-1]
         self.answered.append((episode, step))
-        told_step, readings, inbox = self.cell.told[-1]
-        assert told_step == step
+        cell_step, readings, inbox = self.cell.inputs[-1]
+        assert cell_step == step
         assert (readings == self.sensed[episode, step]).all()
-        for d, heard in enumerate(inbox):
-            words = self.kept.get((d, episode, step - 1), [0.0])
+        for d, used in enumerate(inbox):
+            kept = self.kept.get((d, episode, step - 1), [0.0])
             if self.n_strays <= ROOM:
-                assert heard == words[0], 'the first word counts'
+                assert used == kept[0], 'not the first message'
             else:  # it may have been pushed out before its episode began
-                assert heard in (0.0, *words)
+                assert used in (0.0, *kept)
 
     @invariant()
     def no_step_is_made_twice_or_back(self):
-        assert len(set(self.answered)) == len(self.answered) == len(self.cell.told)
+        assert len(set(self.answered)) == len(self.answered) == len(self.cell.inputs)
         for episode in self.begun:
             steps = [s for e, s in self.answered if e == episode]
             assert steps == sorted(steps)
@@ -178,25 +180,25 @@ class AnythingComes(RuleBasedStateMachine):
         assert order == sorted(order)
 
     @invariant()
-    def cell_and_faults_start_afresh_once_an_episode(self):
+    def cell_and_faults_are_reset_once_per_episode(self):
         assert self.cell.resets == self.faults.resets == 1 + len(self.begun)
 
     @invariant()
-    def account_adds_up(self):
-        counted = [sum(link.counts().values()) for link in self.core.links.values()]
+    def delivery_counts_add_up(self):
+        counted = [sum(link.counts().values()) for link in self.core.deliveries.values()]
         assert counted == [sum(step > 0 for _, step in self.answered)] * 2
 
 
-class AnythingComesInRealTime(AnythingComes):
-    """The same in real time: nobody is waited for."""
+class AnythingArrivesInRealTime(AnythingArrives):
+    """The same in real time, without waiting."""
 
     real_time = True
 
 
-TestAnythingComes = AnythingComes.TestCase
-TestAnythingComesInRealTime = AnythingComesInRealTime.TestCase
-TestAnythingComes.settings = settings(max_examples=80, stateful_step_count=40)
-TestAnythingComesInRealTime.settings = TestAnythingComes.settings
+TestAnythingArrives = AnythingArrives.TestCase
+TestAnythingArrivesInRealTime = AnythingArrivesInRealTime.TestCase
+TestAnythingArrives.settings = settings(max_examples=80, stateful_step_count=40)
+TestAnythingArrivesInRealTime.settings = TestAnythingArrives.settings
 
 
 def test_waits_for_every_neighbour_and_only_for_the_step_before():
@@ -204,42 +206,42 @@ def test_waits_for_every_neighbour_and_only_for_the_step_before():
     sense(core, 0)
     assert core.answer(0.0).step == 0
     sense(core, 1)
-    say(core, 0, LEFT)
+    send(core, 0, LEFT)
     assert core.awaited == [RIGHT]
     assert core.answer(1e6) is None
-    assert say(core, 0, LEFT, number=2) == [False]
-    say(core, 0, RIGHT, number=3)
+    assert send(core, 0, LEFT, number=2) == [False]
+    send(core, 0, RIGHT, number=3)
     assert core.answer(1e6).step == 1
-    assert cell.told[-1][2].tolist() == [0.0, 1.0, 0.0, 3.0]
+    assert cell.inputs[-1][2].tolist() == [0.0, 1.0, 0.0, 3.0]
     assert core.answer(1e6) is None
 
 
-def test_impatient_voxel_takes_a_neighbour_for_silent_until_it_speaks():
+def test_with_patience_a_neighbour_is_silent_until_its_next_message():
     core, _ = make_core(patience=2.0)
     sense(core, 0)
     assert core.answer(0.0).step == 0
     sense(core, 1)
-    assert core.answer(19.9) is None, 'at first it waits ten times as long'
-    assert core.answer(20.0).fallen == (LEFT, RIGHT)
+    assert core.answer(19.9) is None, 'in the first steps it waits ten times as long'
+    assert core.answer(20.0).newly_silent == (LEFT, RIGHT)
     for k in (2, 3):
         sense(core, k)
-        assert core.answer(0.0).fallen == (), 'the silent are not waited for'
-    say(core, 3, LEFT)
+        assert core.answer(0.0).newly_silent == (), 'the silent are not waited for'
+    send(core, 3, LEFT)
     sense(core, 4)
-    assert core.answer(0.0).fallen == ()
+    assert core.answer(0.0).newly_silent == ()
     sense(core, 5, now=11.0)
     assert core.answer(12.9) is None
     assert core.awaited == [LEFT]
-    assert core.answer(13.0).fallen == (LEFT,)
+    assert core.answer(13.0).newly_silent == (LEFT,)
 
 
-def test_neighbour_that_says_something_later_is_not_waited_for():
+def test_a_neighbour_that_has_sent_a_later_message_is_not_awaited():
     core, cell = make_core()
     sense(core, 5)
     assert core.awaited == [LEFT, RIGHT]
-    say(core, 5)
+    send(core, 5)
     assert core.answer(0.0).step == 5
-    assert not cell.told[-1][2].any()
+    assert not cell.inputs[-1][2].any()
 
 
 def test_real_time_waits_at_the_start_only():
@@ -248,30 +250,30 @@ def test_real_time_waits_at_the_start_only():
         sense(core, step)
         if 1 <= step < START_STEPS:
             assert core.answer(1e6) is None
-            say(core, step - 1)
+            send(core, step - 1)
         assert core.answer(0.0).step == step
-    assert core.links[LEFT].counts() == {'on time': 1, 'late': 0, 'lost': 18}
-    assert core.quiet == [LEFT, RIGHT]
-    assert say(core, 10) == [False, False]
-    assert core.links[LEFT].counts() == {'on time': 1, 'late': 1, 'lost': 17}
+    assert core.deliveries[LEFT].counts() == {'on time': 1, 'late': 0, 'lost': 18}
+    assert core.overdue == [LEFT, RIGHT]
+    assert send(core, 10) == [False, False]
+    assert core.deliveries[LEFT].counts() == {'on time': 1, 'late': 1, 'lost': 17}
 
 
-def test_new_episode_begins_with_what_others_said_in_it_first():
+def test_early_messages_of_a_new_episode_are_used():
     core, cell = make_core()
     sense(core, 700)
-    say(core, 0, episode=EPISODES[1], number=9)
-    assert sense(core, 0, EPISODES[1]) is Heard.TAKEN
+    send(core, 0, episode=EPISODES[1], number=9)
+    assert sense(core, 0, EPISODES[1]) is SensorsResult.ACCEPTED
     assert core.answer(0.0)[:2] == (EPISODES[1], 0)
-    assert sense(core, 701, EPISODES[0]) is Heard.PAST
+    assert sense(core, 701, EPISODES[0]) is SensorsResult.PAST
     sense(core, 1, EPISODES[1])
     assert core.answer(0.0).step == 1
-    assert cell.told[-1][2].tolist() == [0.0, 9.0, 0.0, 9.0]
+    assert cell.inputs[-1][2].tolist() == [0.0, 9.0, 0.0, 9.0]
 
 
-def test_silent_neighbour_is_waited_for_again_in_a_new_episode():
+def test_a_silent_neighbour_is_awaited_again_in_a_new_episode():
     core, _ = make_core(patience=1.0)
     sense(core, 9)
-    assert core.answer(1.0).fallen == (LEFT, RIGHT)
+    assert core.answer(1.0).newly_silent == (LEFT, RIGHT)
     sense(core, 0, EPISODES[1])
     assert core.answer(1.0).step == 0
     sense(core, 1, EPISODES[1], now=1.0)
@@ -279,21 +281,21 @@ def test_silent_neighbour_is_waited_for_again_in_a_new_episode():
     assert core.answer(10.9) is None
 
 
-def test_joins_at_the_newest_step_when_nothing_newer_comes():
+def test_joins_at_the_newest_step_after_a_pause():
     core, cell = make_core(joined=False)
-    assert not core.join(lambda episode: False), 'nothing has come'
+    assert not core.join(lambda episode: False), 'no sensors yet'
     for step in range(50):
         sense(core, step, now=0.001 * step)
         assert core.joining
         assert core.answer(1.0) is None
     assert core.join(lambda episode: False)
     assert not core.joining
-    say(core, 48)
+    send(core, 48)
     assert core.answer(1.0).step == 49
-    assert len(cell.told) == 1
+    assert len(cell.inputs) == 1
 
 
-def test_does_not_wait_for_a_pause_that_never_comes():
+def test_joins_after_a_limit_without_a_pause():
     core, _ = make_core(joined=False)
     waited = []
     for step in range(30):
@@ -302,27 +304,27 @@ def test_does_not_wait_for_a_pause_that_never_comes():
     assert waited == [True] * 13 + [False] * 17, 'after 0.2 s'
 
 
-def test_double_is_held_back_until_the_other_is_gone():
+def test_a_duplicate_is_held_back_until_the_other_node_is_gone():
     core, _ = make_core(joined=False)
     asked = []
     sense(core, 7)
-    for answers in (True, True, False):
-        core.join(lambda episode, answers=answers: asked.append(episode) or answers)
-        assert (core.held_back, core.joined) == (answers, not answers)
+    for active in (True, True, False):
+        core.join(lambda episode, active=active: asked.append(episode) or active)
+        assert (core.held_back, core.joined) == (active, not active)
     assert asked == [EPISODES[0]] * 3
 
 
-@pytest.mark.parametrize('hear', [sense, say])
-def test_stamps_from_the_future_are_refused(hear):
+@pytest.mark.parametrize('receive', [sense, send])
+def test_stamps_far_ahead_are_refused(receive):
     core, _ = make_core()
     sense(core, 3)
     with pytest.raises(InvalidInput, match=f'at most step {3 + HORIZON}'):
-        hear(core, 4 + HORIZON)
-    hear(core, 3 + HORIZON)
+        receive(core, 4 + HORIZON)
+    receive(core, 3 + HORIZON)
 
 
-def test_looks_seldom_after_a_while():
+def test_polls_less_often_after_a_while():
     core, _ = make_core()
     sense(core, 1, now=5.0)
-    periods = [core.look_period(5.0 + waited) for waited in (0.0, 0.1, 100.0)]
-    assert periods == pytest.approx([LOOK_PERIOD, 0.025, 0.05])
+    periods = [core.poll_period(5.0 + waited) for waited in (0.0, 0.1, 100.0)]
+    assert periods == pytest.approx([POLL_PERIOD, 0.025, 0.05])

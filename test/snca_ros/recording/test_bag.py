@@ -1,4 +1,4 @@
-"""Bags come back as the numbers that were recorded, or are refused in one line."""
+"""Bags are read as the numbers that were recorded, or refused in one line."""
 
 import contextlib
 import itertools
@@ -47,7 +47,7 @@ def whole(tmp_path_factory):
 
 
 def without(messages, lost):
-    """Leave out what `lost`, a set of (topic, step), names."""
+    """Leave out the messages that `lost`, a set of (topic, step), names."""
     return [
         [message for message in step if (message[0], k) not in lost]
         for k, step in enumerate(messages)
@@ -64,7 +64,7 @@ def test_stamps_and_steps_are_each_others_inverse(step):
 
 
 @pytest.mark.parametrize('storage', STORAGES)
-def test_every_number_comes_back(tmp_path, storage):
+def test_every_number_is_read(tmp_path, storage):
     walk = make_walk(N_STEPS)
     bag = read_bag(write_messages(tmp_path / 'bag', messages_of_walk(walk), storage))
     assert (bag.robot, bag.n_steps, bag.closed) == ('biped', N_STEPS + 1, True)
@@ -115,7 +115,7 @@ def test_every_episode_has_its_own_physics_and_forged_names_do_not_count(tmp_pat
     assert [read_bag(bag, episode).physics for episode in (0, 1)] == ['first', 'reference']
 
 
-def test_a_bag_in_which_no_voxel_says_anything_has_no_known_physics(tmp_path):
+def test_the_physics_of_a_bag_without_voxel_messages_is_unknown(tmp_path):
     messages = [[m for m in step if 'voxel' not in m[0]] for step in messages_of_walk(make_walk(5))]
     silent = {'/biped/voxel_0_0/sensors': 'sensor_msgs/msg/JointState'}
     bag = read_bag(write_messages(tmp_path / 'bag', messages, silent=silent))
@@ -141,7 +141,7 @@ def test_lost_messages_are_counted_and_named(tmp_path_factory, lost):
         missing = sorted(k for name, k in lost if name == topic)
         found = [c for c in bag.counts if c.topic == topic]
         if len(missing) == N_STEPS and not found:
-            continue  # a topic of which nothing came is not in the bag at all
+            continue  # the bag lacks a topic without messages
         assert found[0].missing.tolist() == missing
         assert found[0].sent == N_STEPS + (topic in ('/clock', '/biped/odometry'))
     for i, voxel in enumerate(walk.voxels):
@@ -187,7 +187,7 @@ def test_a_voxel_of_which_only_diagnostics_are_left_has_lost_everything(tmp_path
     assert sum(c.lost for c in bag.counts) == 3 * N_STEPS
 
 
-def test_figures_of_all_lives_of_a_node(tmp_path):
+def test_diagnostics_are_summed_over_the_processes_of_a_node(tmp_path):
     messages = messages_of_walk(make_walk(N_STEPS))
     lives = [('a', 5, 4, 1), ('a', 9, 7, 2), ('b', 9, 9, 0), ('b', 12, 11, 1)]
     for k, (process, steps, on_time, lost) in enumerate(lives):
@@ -197,10 +197,10 @@ def test_figures_of_all_lives_of_a_node(tmp_path):
         }
         messages[k].append(('/diagnostics', diagnostics('/biped/voxel_0_0', figures, process)))
     health = read_bag(write_messages(tmp_path / 'bag', messages)).health['voxel_0_0']
-    assert health.lives == 2
-    assert health.links == {'x/spikes': (18, 0, 3)}
-    assert health.figures['steps'] == 21
-    assert health.figures['steps per second'] == 60.0
+    assert health.n_processes == 2
+    assert health.deliveries == {'x/spikes': (18, 0, 3)}
+    assert health.values['steps'] == 21
+    assert health.values['steps per second'] == 60.0
 
 
 def test_broken_diagnostics_are_refused(tmp_path):
@@ -280,7 +280,7 @@ def test_a_bag_cut_anywhere_is_read_up_to_there(tmp_path_factory, killed, data):
         assert not bag.closed
         np.testing.assert_array_equal(bag.centers, make_walk(N_STEPS).centers[:n_whole])
     else:
-        assert 'odometry of none among 0 topics' in refused(folder)
+        assert 'odometry of no robot in 0 topics' in refused(folder)
     shutil.rmtree(folder)
 
 
@@ -398,7 +398,7 @@ def bad_stamp():
 
 SPIKES = np.zeros((4, 16), np.uint8)
 FOREIGN = {
-    'no odometry': ([('/clock', clock(3))], 'odometry of none among 1 topics'),
+    'no odometry': ([('/clock', clock(3))], 'odometry of no robot in 1 topics'),
     'two robots': (
         [('/a/odometry', odometry(0, np.zeros(2))), ('/b/odometry', odometry(0, np.zeros(2)))],
         'odometry of a, b',
@@ -408,7 +408,7 @@ FOREIGN = {
         [('/biped/odometry', odometry(0, np.zeros(2))), (voxel('spikes'), clock(3))],
         'rosgraph_msgs/msg/Clock',
     ),
-    'values, too': ([(voxel('values'), image(3, '', '64FC1', np.zeros((4, 1))))], 'one of both'),
+    'values, too': ([(voxel('values'), image(3, '', '64FC1', np.zeros((4, 1))))], 'one of them'),
 }
 WRONG = {
     'stamp': ('/biped/odometry', bad_stamp()),
@@ -434,7 +434,7 @@ def test_bags_of_something_else_are_refused(tmp_path, case):
 
 @pytest.mark.parametrize('case', WRONG)
 def test_wrong_messages_among_right_ones_are_counted(tmp_path, case):
-    """Whoever is on the network can say them; the nodes do not use them, nor does the report."""
+    """Any process on the network can publish them; neither the nodes nor the report use them."""
     walk = make_walk(5)
     right = messages_of_walk(walk)
     middle = len(right) // 2
@@ -454,7 +454,7 @@ def test_channels_differ_between_voxels(tmp_path):
         [m for m in step if m[0] != voxel('spikes')] + [odd[k]]
         for k, step in enumerate(messages_of_walk(make_walk(3))[:3])
     ]
-    assert 'the same in all voxels' in refused(write_messages(tmp_path / 'bag', messages))
+    assert 'the same shape in all voxels' in refused(write_messages(tmp_path / 'bag', messages))
 
 
 def test_bytes_of_another_layout_are_refused(tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""Gait measures against signals and robots of which the answer is known."""
+"""Gait measures of signals and robots with known results."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def test_the_frequency_of_a_sinusoid(periods, n, amplitude, phase, offset):
 
 
 @pytest.mark.parametrize('signal', [np.zeros(90), np.full(90, 0.3), np.linspace(-1, 1, 91)])
-def test_what_does_not_swing_has_no_frequency(signal):
+def test_a_constant_signal_has_frequency_0(signal):
     assert peak_frequency(power_spectrum(signal[:, None]), len(signal))[0] == 0.0
 
 
@@ -76,7 +76,7 @@ def test_vibration_of_what_is_known():
     assert vibration_share(np.zeros((1, 2))) == 0.0
 
 
-def test_the_strongest_rhythm_is_the_robots(tmp_path):
+def test_the_strongest_frequency_is_the_robots(tmp_path):
     n, time = 600, np.arange(600) / 60.0
     actuation = np.stack([
         0.9 * np.sin(2 * np.pi * 2.4 * time), 0.3 * np.sin(2 * np.pi * 7.2 * time)
@@ -112,7 +112,7 @@ def test_spike_times_name_every_spike(where):
     assert sorted(zip(np.rint(times * 960).astype(int), rows, strict=True)) == expected
 
 
-def test_gaps_are_bridged_by_lines():
+def test_gaps_are_interpolated():
     nan = np.nan
     signal = np.array([[nan, 1.0, nan], [0.0, nan, nan], [nan, 3.0, nan], [2.0, nan, nan]])
     expected = [[0.0, 1.0, 0.0], [0.0, 2.0, 0.0], [1.0, 3.0, 0.0], [2.0, 3.0, 0.0]]

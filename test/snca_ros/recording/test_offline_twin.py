@@ -1,4 +1,4 @@
-"""A recorded walk is compared with its offline twin."""
+"""Comparison of a recorded walk with its offline twin."""
 
 import numpy as np
 import pytest
@@ -37,9 +37,9 @@ def test_one_bit_or_a_missing_position_fails_in_lockstep(change):
 
 @pytest.mark.parametrize('change', [a_bit_more, nothing])
 @pytest.mark.parametrize('step', [0, 7, 30])
-def test_where_they_part_is_told_if_they_may(change, step):
+def test_reports_the_first_step_that_differs_if_it_may(change, step):
     text, as_expected = compare_with_twin(apart(change, step), TWIN, may_differ=True)
-    assert f'the same until step {step}, when late' in text
+    assert f'the same until step {step}, then changed' in text
     assert as_expected
 
 

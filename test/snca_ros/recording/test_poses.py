@@ -1,4 +1,4 @@
-"""Poses out of markers, which carry no control step, and walks recorded without ROS."""
+"""Poses read from markers, which carry no control step, and walks recorded without ROS."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ def moving_walk(n_steps=21, seed=0):
     return replace(walk, corners=corners, ground=GROUND)
 
 
-def test_poses_are_those_that_were_told(tmp_path):
+def test_poses_are_those_published(tmp_path):
     walk = moving_walk()
     poses = read_bag(write_messages(tmp_path / 'bag', messages_of_walk(walk))).poses
     np.testing.assert_array_equal(poses.steps, np.arange(0, 22, 2))
@@ -53,7 +53,7 @@ def test_each_episode_has_its_own_poses(tmp_path):
         np.testing.assert_array_equal(poses.corners, walk.corners[::2])
 
 
-def test_markers_of_others_do_no_harm(tmp_path):
+def test_markers_of_other_nodes_are_ignored(tmp_path):
     walk = moving_walk()
     messages = messages_of_walk(walk)
     messages[5].append(('/biped/markers', markers({'voxels': np.ones((5, 2))})))
@@ -63,7 +63,7 @@ def test_markers_of_others_do_no_harm(tmp_path):
 
 
 @pytest.mark.parametrize('before', [{}, {'outlines': np.ones((4, 2))}])
-def test_poses_may_come_behind_another_marker_and_again(tmp_path, before):
+def test_poses_may_follow_another_marker_and_be_repeated(tmp_path, before):
     walk = moving_walk()
     triangles = walk.corners[:, :, [0, 1, 2, 0, 2, 3]].reshape(len(walk.corners), -1, 2)
     messages = [
@@ -106,7 +106,7 @@ def test_an_offline_walk_is_the_episode(tmp_path, model, physics):
 
 
 @pytest.mark.parametrize('as_printed', [False, True])
-def test_thresholds_of_a_recorded_walk_are_found_again(tmp_path, as_printed):
+def test_thresholds_of_a_recorded_walk_are_reproduced(tmp_path, as_printed):
     trained = trained_controller(as_printed=as_printed)
     recording, thresholds = record_offline(trained, tmp_path, 1.0)
     found = replayed_thresholds(recording, trained)

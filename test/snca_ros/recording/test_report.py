@@ -1,4 +1,4 @@
-"""The `report` command: what it prints, draws and writes, and what it refuses."""
+"""The `report` command: its output, figure and JSON, and invalid input."""
 
 import json
 
@@ -25,7 +25,7 @@ def bag(tmp_path):
     return write_messages(tmp_path / 'bag', messages)
 
 
-def test_what_it_prints(bag, capsys):
+def test_printed_report(bag, capsys):
     assert main(['report', str(bag)]) == 0
     out = capsys.readouterr().out
     gait = measure_gait(read_bag(bag))
@@ -43,7 +43,7 @@ def test_what_it_prints(bag, capsys):
         assert min(picture.size) > 400
 
 
-def test_links_and_step_times(tmp_path, capsys):
+def test_deliveries_and_step_times(tmp_path, capsys):
     messages = messages_of_walk(make_walk(N_STEPS))
     of_simulation = {
         'step time p50 [ms]': 16.67, 'step time p99 [ms]': 18.0, 'step time max [ms]': 40.5,
@@ -61,7 +61,7 @@ def test_links_and_step_times(tmp_path, capsys):
     out = capsys.readouterr().out
     assert 'step time  16.67 ms p50, 18.00 ms p99, 40.50 ms max; 2 missed deadlines' in out
     words = [line.split() for line in out.splitlines()]
-    assert ['links', 'on', 'time', 'late', 'lost'] in words
+    assert ['at', 'the', 'nodes', 'on', 'time', 'late', 'lost'] in words
     assert ['actuation', '20', '3', '7'] in words
     assert ['spikes', '29', '0', '0'] in words
     assert 'voxel_0_0/actuation at sim_node: 3 late, 7 lost' in out
@@ -71,7 +71,7 @@ def test_links_and_step_times(tmp_path, capsys):
     assert told['figures']['missed deadlines'] == 2
 
 
-def test_json_and_figure_where_one_wants_them(bag, tmp_path):
+def test_json_and_figure_are_written_to_given_paths(bag, tmp_path):
     figure, numbers = tmp_path / 'walk.svg', tmp_path / 'walk.json'
     assert main(['report', str(bag), '--figure', str(figure), '--json', str(numbers)]) == 0
     assert b'<svg' in figure.read_bytes()
@@ -89,12 +89,12 @@ def test_json_and_figure_where_one_wants_them(bag, tmp_path):
     assert not (bag / 'report.png').exists()
 
 
-def test_a_bag_of_a_killed_recorder_and_of_resets_is_told(tmp_path, capsys):
+def test_an_unclosed_bag_and_resets_are_reported(tmp_path, capsys):
     walk = messages_of_walk(make_walk(5))
     bag = write_messages(tmp_path / 'bag', [*walk, *walk[:3]], killed=True)
     assert main(['report', str(bag)]) == 0
     out = capsys.readouterr().out
-    assert 'did not finish' in out
+    assert 'did not close' in out
     assert 'episode 1 of 0 to 1' in out
     assert main(['report', str(bag), '--episode', '0']) == 0
     assert 'episode 0 of 0 to 1' in capsys.readouterr().out
@@ -131,7 +131,7 @@ def test_the_panels_have_names_and_units(bag):
     assert labels == ['voxel_0_0', 'voxel_1_0']
 
 
-def test_bad_input_is_told_in_one_line(bag, tmp_path, capsys):
+def test_bad_input_is_reported_in_one_line(bag, tmp_path, capsys):
     cases = (
         [str(tmp_path / 'nowhere')],
         [str(bag), '--figure', str(tmp_path / 'nowhere' / 'a.png')],

@@ -1,4 +1,4 @@
-"""Pictures of a walk: right colours, right places, whole files."""
+"""Pictures of a walk: colours, positions, and complete files."""
 
 import sys
 from dataclasses import replace
@@ -42,7 +42,7 @@ def controller(trained, tmp_path):
     return str(tmp_path / 'controller.npz')
 
 
-def test_colours_tell_contraction_from_expansion():
+def test_contraction_and_expansion_have_different_colours():
     (orange, pale, blue), clipped = (
         area_colors(np.array([0.75, 1.0, 1.25])), area_colors(np.array([0.1, 1.0, 9.0]))
     )
@@ -119,7 +119,7 @@ def test_a_gif(controller, tmp_path, capsys):
 
 @pytest.fixture
 def walk(trained):
-    """Return the controller's first two seconds, as they are sent."""
+    """Return the first two seconds of the controller's walk, as the graph publishes them."""
     recording, _ = record_offline(trained, Path(), 2.0, 'hilly-1-10-0')
     return Walk(
         recording.voxel_names, recording.centers, recording.readings[:-1],
@@ -217,7 +217,7 @@ def test_robots_above_one_another_have_their_names(controller, tmp_path):
         assert label.tobytes() != one.convert('RGB').crop((0, 0, 300, 20)).tobytes()
 
 
-def test_without_the_extra_the_way_to_it_is_told(controller, tmp_path, monkeypatch, capsys):
+def test_without_the_extra_the_error_names_it(controller, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, 'imageio_ffmpeg', None)
     assert main(['render', controller, str(tmp_path / 'a.mp4'), '--duration', '0.1']) == BAD_INPUT
     assert 'snca_ros[video]' in capsys.readouterr().err

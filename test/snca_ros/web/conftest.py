@@ -34,16 +34,16 @@ def browser():
 def open_page(browser):
     """Return a function that opens a page and waits until it is ready.
 
-    At the end no page may have said anything on its console, or have asked the network.
+    At the end no page may have written to its console, or have used the network.
     """
-    contexts, said = [], []
+    contexts, messages = [], []
 
     def open_(address: str, size: str = 'wide', scheme: str = 'light'):
         context = browser.new_context(viewport=SIZES[size], color_scheme=scheme)
         contexts.append(context)
         page = context.new_page()
-        page.on('console', lambda message: said.append(message.text))
-        page.on('pageerror', lambda error: said.append(str(error)))
+        page.on('console', lambda message: messages.append(message.text))
+        page.on('pageerror', lambda error: messages.append(str(error)))
         page.on('request', lambda request: note(request.url))
         page.goto(address)
         page.wait_for_function('window.player')
@@ -51,9 +51,9 @@ def open_page(browser):
 
     def note(url: str):
         if not url.startswith(('file:', 'data:', 'blob:', 'http://127.0.0.1:')):
-            said.append(url)
+            messages.append(url)
 
     yield open_
     for context in contexts:
         context.close()
-    assert said == []
+    assert messages == []

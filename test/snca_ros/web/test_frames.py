@@ -1,4 +1,4 @@
-"""Frames: numbers in few bytes, and averages, as the page gets them."""
+"""Frames: packed numbers and averages, as the page receives them."""
 
 import base64
 import math
@@ -26,7 +26,7 @@ def unpacked(packed):
 
 
 @given(arrays(np.float64, (5, 3), elements=NUMBERS))
-def test_packed_numbers_come_back_to_their_precision(numbers):
+def test_packed_numbers_are_unpacked_to_their_precision(numbers):
     packed = Packed.fitting(numbers)
     np.testing.assert_allclose(unpacked(packed), numbers, atol=0.51 * packed.step)
     assert packed.step <= 2000.0 / 65534
@@ -53,7 +53,7 @@ def test_frames_are_the_walk():
     np.testing.assert_array_equal(bits, recording.spikes)
 
 
-def test_rates_are_means_over_a_second_of_what_was_heard():
+def test_rates_are_means_over_a_second_of_the_messages_received():
     spikes = np.zeros((180, 2, 4, 16), dtype=np.uint8)
     spikes[60:120, 0, :, 0] = 1  # 60 Hz for the second second
     heard = np.ones((180, 2), dtype=bool)
@@ -82,7 +82,7 @@ def test_long_walks_are_thinned_to_a_limit():
     assert len(frames.arrays['messages'].raw) == recording.n_steps
 
 
-def test_the_bytes_are_the_arrays_in_the_order_told():
+def test_the_bytes_are_the_arrays_in_the_order_described():
     frames = make_frames(made_recording())
     data = zlib.decompress(base64.b64decode(frames.encode()))
     begin = 0
@@ -96,6 +96,6 @@ def test_the_bytes_are_the_arrays_in_the_order_told():
     assert begin == len(data)
 
 
-def test_a_bag_without_markers_is_told():
+def test_a_bag_without_markers_is_refused():
     with pytest.raises(InvalidInput, match=r'bag: markers.*expected a bag with /robot/markers'):
         make_frames(made_recording(poses=None))

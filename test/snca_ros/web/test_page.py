@@ -150,7 +150,7 @@ def test_keys(page):
     assert not state_after(' ')['playing']
 
 
-def test_voxels_and_links_are_chosen(page, recording):
+def test_voxels_and_connections_are_selected(page, recording):
     assert page.evaluate('player.raster.groups(player.selection).length') == 3
     place = page.evaluate('middle(player.stage.shapes[1])')
     page.locator('#stage').click(position={'x': place[0], 'y': place[1]})
@@ -218,7 +218,7 @@ def test_a_run_has_its_history(tmp_path, open_page, capsys):
 
 
 @pytest.mark.parametrize('model', ['mlp', 'snn'])
-def test_a_controller_and_what_its_cells_say(tmp_path, monkeypatch, open_page, capsys, model):
+def test_messages_of_the_cells_of_a_controller(tmp_path, monkeypatch, open_page, capsys, model):
     architecture = Architecture.named('U-nD', model)
     theta = np.random.default_rng(0).uniform(-1, 1, architecture.n_parameters(3))
     trained = TrainedController(architecture, parse_morphology('11-10'), theta)
@@ -247,7 +247,7 @@ def test_a_bag_becomes_a_page_beside_it(bag, capsys):
 
 @pytest.mark.parametrize('command', [['replay'], ['report', '--html']])
 @pytest.mark.parametrize('physics', PHYSICS)
-def test_a_controller_of_another_physics_than_the_bag_is_said_so(
+def test_a_controller_of_another_physics_than_the_bag_gives_a_warning(
     trained, bag, tmp_path, capsys, command, physics
 ):
     path, words = tmp_path / 'c.npz', 'evolved in the physics first, the bag was recorded in'
@@ -259,7 +259,7 @@ def test_a_controller_of_another_physics_than_the_bag_is_said_so(
     assert err.count('\n') == err.count(words) == page.count(words) == (physics == 'first')
 
 
-def test_bad_input_is_told_in_one_line(bag, controller, tmp_path, capsys):
+def test_bad_input_is_reported_in_one_line(bag, controller, tmp_path, capsys):
     other = tmp_path / 'other.npz'
     architecture = Architecture.named('U-nD', 'snn')
     save_controller(other, TrainedController(

@@ -1,4 +1,4 @@
-"""The server of the live page: whom it serves, and the page that it serves in a browser."""
+"""The server of the live page: the requests that it refuses, and its page in a browser."""
 
 import http.client
 import json
@@ -55,7 +55,7 @@ def frame(step, **changes):
     return {
         'step': step, 'x': x, 'y': 9.0, 'corners': np.ravel(corners).tolist(),
         'area': [1.0] * 3, 'touch': [1.0, 0.0, 0.0], 'actuation': [0.0] * 3, 'health': {},
-        'said': [[k, i, [3, 0, 0, 0]] for k in range(max(step - 2, 0), step) for i in range(3)],
+        'messages': [[k, i, [3, 0, 0, 0]] for k in range(max(step - 2, 0), step) for i in range(3)],
         **changes,
     }
 
@@ -76,16 +76,16 @@ def test_foreign_origins_are_refused(server, origin):
     assert refused.value.response.status_code == 403
 
 
-def test_what_is_told_and_commanded(server):
+def test_frames_are_sent_and_commands_received(server):
     with open_socket(server, server.address.rstrip('/')) as socket:
         socket.send('{"action": "kill"}')
         assert server.commands.get(timeout=10) == {'action': 'kill'}
-        server.tell({'step': 1})
+        server.send({'step': 1})
         assert json.loads(socket.recv(timeout=10)) == {'step': 1}
 
 
 @pytest.mark.parametrize('text', ['no json', '[' * 5000])
-def test_who_sends_nonsense_is_left_and_others_stay(server, text):
+def test_a_client_that_sends_nonsense_is_disconnected_and_others_are_not(server, text):
     with open_socket(server, server.address.rstrip('/')) as other:
         with open_socket(server, server.address.rstrip('/')) as socket:
             socket.send(text)
@@ -95,7 +95,7 @@ def test_who_sends_nonsense_is_left_and_others_stay(server, text):
         assert server.commands.get(timeout=10) == {}
 
 
-def test_a_port_in_use_is_told(server):
+def test_a_port_in_use_is_refused(server):
     port = urlsplit(server.address).port
     for use in (check_port, lambda port: PageServer(port, '')):
         with pytest.raises(InvalidInput, match=r'in use.*expected a port that is free'):
@@ -103,25 +103,25 @@ def test_a_port_in_use_is_told(server):
     check_port(0)
 
 
-def test_a_browser_that_goes_without_a_word_is_no_error(server, caplog):
+def test_a_connection_lost_without_a_close_frame_is_no_error(server, caplog):
     with open_socket(server, server.address[:-1]) as socket:
         socket.send('{}')
         assert server.commands.get(timeout=10) == {}
         socket.socket.shutdown(SHUT_RDWR)
-    server.close()  # waits for what serves the connection
+    server.close()  # waits for the task that serves the connection
     assert [record.getMessage() for record in caplog.records if record.levelno >= ERROR] == []
 
 
 def test_the_page_follows_a_walk_and_commands(server, browser):
-    page, said = browser.new_page(), []
-    page.on('console', lambda message: said.append(message.text))
-    page.on('pageerror', lambda error: said.append(str(error)))
+    page, messages = browser.new_page(), []
+    page.on('console', lambda message: messages.append(message.text))
+    page.on('pageerror', lambda error: messages.append(str(error)))
     with page.expect_websocket() as opened:
         page.goto(server.address)
     page.wait_for_function('document.getElementById("state").textContent === ""')
     assert opened.value.url == server.address.replace('http', 'ws')
     for step in range(0, 122, 2):
-        server.tell(frame(step))
+        server.send(frame(step))
     page.wait_for_function('window.player?.time === 2')
     state = page.evaluate('player.state()')
     assert (state['x'], state['y']) == (26.0, 9.0)
@@ -135,11 +135,11 @@ def test_the_page_follows_a_walk_and_commands(server, browser):
         wanted = {'action': action, 'voxel': 'voxel_0_1'}
         assert server.commands.get(timeout=10) == wanted
     page.keyboard.press('Home')
-    server.tell(frame(122, health={'voxel_0_1': [2, 'killed']}))
+    server.send(frame(122, health={'voxel_0_1': [2, 'killed']}))
     page.wait_for_function('player.walk.duration > 2')
-    assert page.evaluate('player.time') == 0  # who looks back stays there
+    assert page.evaluate('player.time') == 0  # after seeking it stays there
     assert page.text_content('#node') == 'voxel_0_1: killed'
     server.close()
     page.wait_for_function('document.getElementById("state").textContent !== ""')
     page.close()
-    assert said == []
+    assert messages == []
