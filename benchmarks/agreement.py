@@ -35,7 +35,7 @@ def draw_controllers(shape: str, architecture: Architecture, n: int) -> np.ndarr
     thetas = rng.uniform(-1.0, 1.0, (n, architecture.n_parameters(n_voxels)))
     champion = load_controller(find_controller(DEFAULT_CONTROLLER))
     if architecture == champion.architecture:
-        children = champion.theta + 0.1 * rng.standard_normal(thetas.shape)
+        children = champion.parameters + 0.1 * rng.standard_normal(thetas.shape)
         thetas[n // 2 :] = children[n // 2 :]
     return thetas
 

@@ -66,7 +66,7 @@ def flips(sim, seed, period, binary=True, common=False):
 
 def sine(sim, seed, rates=(0.5, 2.5)):
     """Return a travelling sine wave of random frequency (within `rates` [Hz]) and phases."""
-    rng, x = np.random.default_rng(seed), np.array(sim.morphology.cells)[:, 0]
+    rng, x = np.random.default_rng(seed), np.array(sim.morphology.squares)[:, 0]
     rate, phase = rng.uniform(*rates), rng.uniform(0.3, 1.2) * x + rng.uniform(0, 0.5, len(x))
     return lambda k: np.sin(2 * np.pi * rate * k / 60 - phase)
 
@@ -192,7 +192,7 @@ def errors(sim):
     joints = [j for j in sim.view.constraints if isinstance(j, pymunk.PivotJoint)]
     gaps = [j.a.local_to_world(j.anchor_a) - j.b.local_to_world(j.anchor_b) for j in joints]
     angles = [abs(j.a.angle - j.b.angle) for j in joints]
-    cells, p = np.array(sim.morphology.cells), sim.world.masses[:, :2]
+    cells, p = np.array(sim.morphology.squares), sim.world.masses[:, :2]
     far = np.repeat(np.repeat(np.abs(cells[:, None] - cells[None]).max(axis=2) > 1, 4, 0), 4, 1)
     overlap = (np.hypot(*(p[:, None] - p[None]).transpose(2, 0, 1)) < sim.material.mass_side)[far]
     gap = max(g.length for g in gaps) / sim.material.mass_side

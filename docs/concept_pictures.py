@@ -63,7 +63,7 @@ def draw_robot() -> Figure:
     figure = Figure(figsize=(6.4, 3.4), layout='constrained')
     axes = figure.subplots()
     for (x, y), name, neighbors in zip(
-        morphology.cells, morphology.voxel_names, morphology.neighbors, strict=True
+        morphology.squares, morphology.voxel_names, morphology.neighbors, strict=True
     ):
         axes.add_patch(Rectangle((x - 0.32, y - 0.3), 0.64, 0.6, facecolor=_REST, edgecolor='0.2'))
         axes.text(x, y, f'{name}\nits cell', ha='center', va='center', fontsize=8)

@@ -63,27 +63,27 @@ def step_all_faulty(cells, neighbors, readings, step, actuation, faults, row):
     sent[:] = cells.outbox
 
 
-def weights_of(
-    architecture: Architecture, theta: np.ndarray, n_voxels: int, voxel: int
+def own_parameters(
+    architecture: Architecture, parameters: np.ndarray, n_voxels: int, voxel: int
 ) -> np.ndarray:
-    """Return the (weights_per_cell,) part of `theta` that voxel number `voxel` runs.
+    """Return the (parameters_per_cell,) part of `parameters` that voxel number `voxel` runs.
 
     Raises:
-        InvalidInput: `theta` is not a vector of architecture.n_parameters(n_voxels) numbers.
+        InvalidInput: `parameters` is not a vector of architecture.n_parameters(n_voxels) numbers.
     """
-    rows, row_of_voxel = _rows(architecture, theta, n_voxels)
+    rows, row_of_voxel = _rows(architecture, parameters, n_voxels)
     return rows[row_of_voxel[voxel]]
 
 
 def _rows(
-    architecture: Architecture, theta: np.ndarray, n_voxels: int
+    architecture: Architecture, parameters: np.ndarray, n_voxels: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return `theta` as (n_rows, weights_per_cell), and which row each voxel runs."""
-    theta = np.asarray(theta, dtype=np.float64)
+    """Return `parameters` as (n_rows, parameters_per_cell), and which row each voxel runs."""
+    parameters = np.asarray(parameters, dtype=np.float64)
     expected = architecture.n_parameters(n_voxels)
-    if theta.shape != (expected,):
-        raise InvalidInput('theta', f'shape {theta.shape}', f'shape ({expected},)')
-    rows = theta.reshape(-1, architecture.weights_per_cell)
+    if parameters.shape != (expected,):
+        raise InvalidInput('parameters', f'shape {parameters.shape}', f'shape ({expected},)')
+    rows = parameters.reshape(-1, architecture.parameters_per_cell)
     return rows, np.zeros(n_voxels, np.int64) if architecture.uniform else np.arange(n_voxels)
 
 
@@ -93,7 +93,7 @@ class Controller:
     Args:
         architecture: what kind of cell.
         morphology: whose voxels the cells control.
-        theta: (n_parameters,) weights; of a non-uniform architecture cell after cell.
+        parameters: (n_parameters,) weights; of a non-uniform architecture cell after cell.
         faults: of cells and links; those of the body are the simulation's.
 
     Attributes:
@@ -105,12 +105,12 @@ class Controller:
         self,
         architecture: Architecture,
         morphology: Morphology,
-        theta: np.ndarray,
+        parameters: np.ndarray,
         faults: Faults | None = None,
     ) -> None:
         n = morphology.n_voxels
         self.architecture, self.morphology = architecture, morphology
-        self.cells = Cells(architecture, *_rows(architecture, theta, n))
+        self.cells = Cells(architecture, *_rows(architecture, parameters, n))
         self.neighbors = morphology.neighbors
         self.step_count = 0
         self._faults = None

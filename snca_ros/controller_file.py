@@ -45,7 +45,7 @@ class TrainedController:
     Attributes:
         architecture: what kind of cells.
         morphology: the robot that they were evolved for.
-        theta: (n_parameters,) weights.
+        parameters: (n_parameters,) of the cells: weights, and what their neuron model adds.
         terrain: name of the ground that they were evolved on.
         material, solver: of the simulation that they were evolved in.
         fitness: score of the episode by which evolution chose them, in the unit of the task.
@@ -61,7 +61,7 @@ class TrainedController:
 
     architecture: Architecture
     morphology: Morphology
-    theta: np.ndarray
+    parameters: np.ndarray
     terrain: str = DEFAULT_TERRAIN
     material: Material = field(default_factory=Material)
     solver: Solver = field(default_factory=Solver)
@@ -80,7 +80,7 @@ class TrainedController:
         cell = self.architecture
         return (
             f'TrainedController({self.morphology.name}, {self.morphology.n_voxels} voxels, '
-            f'{cell.name} {cell.neuron_model}, {len(self.theta)} parameters, evolved on '
+            f'{cell.name} {cell.neuron_model}, {len(self.parameters)} parameters, evolved on '
             f'{self.terrain} to {self.achieved})'
         )
 
@@ -92,7 +92,7 @@ class TrainedController:
 
     def controller(self, faults: Faults | None = None) -> Controller:
         """Return all cells, ready to step."""
-        return Controller(self.architecture, self.morphology, self.theta, faults)
+        return Controller(self.architecture, self.morphology, self.parameters, faults)
 
     def simulation(
         self,
@@ -185,7 +185,7 @@ def save_controller(path: Path | str, trained: TrainedController) -> None:
     }
     text = np.array(json.dumps(header))
     write_atomically(
-        Path(path), lambda file: np.savez_compressed(file, header=text, theta=trained.theta)
+        Path(path), lambda file: np.savez_compressed(file, header=text, theta=trained.parameters)
     )
 
 
@@ -238,7 +238,7 @@ def _checked(header: dict, theta: np.ndarray) -> TrainedController:
     return TrainedController(
         architecture=architecture,
         morphology=body.morphology,
-        theta=theta,
+        parameters=theta,
         terrain=body.terrain,
         material=body.material,
         solver=body.solver,

@@ -144,7 +144,7 @@ class CellFaults:
 
     def __init__(self, faults: Faults, morphology: Morphology) -> None:
         self.delay = faults.delay
-        self._loss, self._seed, self._cells = faults.loss, faults.seed, morphology.cells
+        self._loss, self._seed, self._squares = faults.loss, faults.seed, morphology.squares
         self._death = parse_outage('death', faults.death)
         if self._death:
             self._mortal = self._death.victims(morphology, faults.seed, 'death')
@@ -153,7 +153,7 @@ class CellFaults:
         """Return which messages to a voxel are lost, (n, 4) bool, at n steps from `first` on."""
         if self._loss == 0.0:
             return np.zeros((n, len(DIRECTIONS)), dtype=bool)
-        return uniform(self._seed, 'loss', self._cells[voxel], first, n) < self._loss
+        return uniform(self._seed, 'loss', self._squares[voxel], first, n) < self._loss
 
     def dead(self, voxel: int, first: int, n: int) -> np.ndarray:
         """Tell at which of n control steps from `first` on a voxel is dead, (n,) bool."""

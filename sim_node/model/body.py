@@ -96,7 +96,7 @@ def placement(morphology: Morphology, terrain: Terrain, material: Material) -> t
     x0, side = terrain.start + 1.0, material.side
     clearances = (
         y * side - terrain.highest(x0 + x * side, x0 + (x + 1) * side)
-        for x, y in morphology.cells
+        for x, y in morphology.squares
     )
     return x0, 1.0 - min(clearances)
 
@@ -107,7 +107,7 @@ def _positions(morphology: Morphology, terrain: Terrain, material: Material) -> 
     half, reach = material.side / 2, (material.side - material.mass_side) / 2
     return np.array([
         (x0 + x * material.side + half + sx * reach, y0 + y * material.side + half + sy * reach)
-        for x, y in morphology.cells
+        for x, y in morphology.squares
         for sx, sy in CORNERS
     ])
 

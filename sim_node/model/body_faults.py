@@ -49,16 +49,16 @@ BLOCK = 4
 
 
 def uniform(
-    seed: int, stream: str, cell: tuple[int, int], first: int, n: int, block: int = 0
+    seed: int, stream: str, square: tuple[int, int], first: int, n: int, block: int = 0
 ) -> np.ndarray:
     """Return the (n, 4) numbers in [0, 1) of a voxel at the control steps from `first` on.
 
     Args:
         stream: one of `STREAMS`.
-        cell: (x, y) of the voxel.
+        square: (x, y) of the voxel.
         block: 0 for the first four, 1 for the next; the numbers of one depend on no other.
     """
-    key = STREAMS.index(stream), *cell, *((block,) if block else ())
+    key = STREAMS.index(stream), *square, *((block,) if block else ())
     philox = np.random.Philox(np.random.SeedSequence(seed, spawn_key=key))
     philox.advance(first)  # a tick of its counter gives four numbers
     return np.random.Generator(philox).random((n, BLOCK))
@@ -89,7 +89,7 @@ class Outage:
             except InvalidInput as error:
                 raise error.found_in(stream) from None
         else:
-            order = np.argsort([uniform(seed, stream, c, 0, 1)[0, 0] for c in morphology.cells])
+            order = np.argsort([uniform(seed, stream, s, 0, 1)[0, 0] for s in morphology.squares])
             chosen[order[: round(self.voxels * morphology.n_voxels)]] = True
         return chosen
 
@@ -190,9 +190,9 @@ class _BrokenParts:
             table[np.ix_(broken, self._victims)] = value
         elif broken.any():
             for i in self._victims:
-                cell = self._morphology.cells[i]
+                square = self._morphology.squares[i]
                 u = np.concatenate([
-                    uniform(self._seed, self._name, cell, first, n, block)
+                    uniform(self._seed, self._name, square, first, n, block)
                     for block in range(-(-self._n_parts // BLOCK))
                 ], axis=1)[broken, : self._n_parts]
                 table[broken, i] = self._low + (1.0 - self._low) * u

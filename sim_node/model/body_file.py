@@ -130,7 +130,7 @@ def body_of(header: dict) -> BodyPart:
     name = field_of(shape, 'name', str, 'morphology.')
     named = header['format_version'] > 1  # files of version 1 name no sensors
     return BodyPart(
-        Morphology(name, parse_morphology(shape.get('grid', '')).cells),
+        Morphology(name, parse_morphology(shape.get('grid', '')).squares),
         parse_terrain(field_of(header, 'terrain', str)).name,
         Material.from_dict(field_of(header, 'material', dict)),
         Solver.from_dict(field_of(header, 'solver', dict)),

@@ -42,12 +42,12 @@ class Morphology:
 
     Attributes:
         name: the text that it was parsed from ('biped', 'comb-7x2', or the grid string).
-        cells: (x, y) of every voxel, x from the left, y from the bottom, row by row from the
+        squares: (x, y) of every voxel, x from the left, y from the bottom, row by row from the
             bottom. A voxel's position in this tuple is its index in all arrays.
     """
 
     name: str
-    cells: tuple[tuple[int, int], ...]
+    squares: tuple[tuple[int, int], ...]
 
     def __repr__(self) -> str:
         n = f'{self.n_voxels} voxel{"" if self.n_voxels == 1 else "s"}'
@@ -56,22 +56,22 @@ class Morphology:
     @property
     def n_voxels(self) -> int:
         """Return the number of voxels."""
-        return len(self.cells)
+        return len(self.squares)
 
     @property
     def width(self) -> int:
         """Return the number of columns."""
-        return max(x for x, _ in self.cells) + 1
+        return max(x for x, _ in self.squares) + 1
 
     @property
     def height(self) -> int:
         """Return the number of rows."""
-        return max(y for _, y in self.cells) + 1
+        return max(y for _, y in self.squares) + 1
 
     @cached_property
     def voxel_names(self) -> tuple[str, ...]:
         """Return `voxel_<x>_<y>` of every voxel, in index order."""
-        return tuple(f'voxel_{x}_{y}' for x, y in self.cells)
+        return tuple(f'voxel_{x}_{y}' for x, y in self.squares)
 
     @cached_property
     def neighbors(self) -> np.ndarray:
@@ -79,14 +79,14 @@ class Morphology:
 
         Columns follow `DIRECTIONS`.
         """
-        index = {cell: i for i, cell in enumerate(self.cells)}
-        table = [[index.get((x + dx, y + dy), -1) for dx, dy in OFFSETS] for x, y in self.cells]
+        index = {square: i for i, square in enumerate(self.squares)}
+        table = [[index.get((x + dx, y + dy), -1) for dx, dy in OFFSETS] for x, y in self.squares]
         return np.array(table, dtype=np.int64)
 
     @cached_property
     def grid_string(self) -> str:
         """Return the rows from top to bottom, in the paper's notation, such as '1111-1111-1001'."""
-        occupied = set(self.cells)
+        occupied = set(self.squares)
         rows = range(self.height - 1, -1, -1)
         return '-'.join(
             ''.join('1' if (x, y) in occupied else '0' for x in range(self.width)) for y in rows
@@ -103,7 +103,7 @@ class Morphology:
 
     def same_shape(self, other: 'Morphology') -> bool:
         """Return whether both have the same voxels; names are not compared."""
-        return self.cells == other.cells
+        return self.squares == other.squares
 
 
 def parse_morphology(text: str) -> Morphology:
@@ -120,7 +120,7 @@ def parse_morphology(text: str) -> Morphology:
     if not isinstance(text, str):
         raise InvalidInput('morphology', text, 'a string such as biped or 1111-1111-1001')
     if re.fullmatch(r'[01]+(-[01]+)*', text):
-        return Morphology(text, _cells_of_grid(text))
+        return Morphology(text, _squares_of_grid(text))
     kind, dash, size = text.partition('-')
     if kind not in _GENERATORS:
         expected = (
@@ -131,7 +131,7 @@ def parse_morphology(text: str) -> Morphology:
     w, h = _parse_size(text, kind, size if dash else _DEFAULT_SIZE.get(kind, ''))
     is_voxel = _GENERATORS[kind]
     rows = (''.join('1' if is_voxel(x, y, w, h) else '0' for x in range(w)) for y in range(h))
-    return Morphology(text, _cells_of_grid('-'.join(reversed(list(rows))), text))
+    return Morphology(text, _squares_of_grid('-'.join(reversed(list(rows))), text))
 
 
 def _parse_size(text: str, kind: str, size: str) -> tuple[int, int]:
@@ -147,7 +147,7 @@ def _parse_size(text: str, kind: str, size: str) -> tuple[int, int]:
     return w, h
 
 
-def _cells_of_grid(grid: str, text: str | None = None) -> tuple[tuple[int, int], ...]:
+def _squares_of_grid(grid: str, text: str | None = None) -> tuple[tuple[int, int], ...]:
     text = text or grid
     rows = grid.split('-')
     if len({len(row) for row in rows}) != 1:
@@ -155,20 +155,20 @@ def _cells_of_grid(grid: str, text: str | None = None) -> tuple[tuple[int, int],
     if len(rows) > _MAX_SIDE or len(rows[0]) > _MAX_SIDE:
         raise InvalidInput('morphology', text, f'at most {_MAX_SIDE} rows and columns')
     height = len(rows)
-    cells = [
+    squares = [
         (x, y) for y in range(height) for x, c in enumerate(rows[height - 1 - y]) if c == '1'
     ]
-    if not cells:
+    if not squares:
         raise InvalidInput('morphology', text, 'at least one voxel (1)')
-    if _reachable(cells) != set(cells):
+    if _reachable(squares) != set(squares):
         raise InvalidInput('morphology', text, 'voxels that form one connected piece')
-    x0, y0 = min(x for x, _ in cells), min(y for _, y in cells)
-    return tuple((x - x0, y - y0) for x, y in cells)
+    x0, y0 = min(x for x, _ in squares), min(y for _, y in squares)
+    return tuple((x - x0, y - y0) for x, y in squares)
 
 
-def _reachable(cells: list[tuple[int, int]]) -> set[tuple[int, int]]:
+def _reachable(squares: list[tuple[int, int]]) -> set[tuple[int, int]]:
     """Return the squares that are connected to the first one."""
-    todo, seen, occupied = [cells[0]], {cells[0]}, set(cells)
+    todo, seen, occupied = [squares[0]], {squares[0]}, set(squares)
     while todo:
         x, y = todo.pop()
         for dx, dy in OFFSETS:

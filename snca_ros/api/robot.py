@@ -44,7 +44,7 @@ class Robot:
     @property
     def parameters(self) -> np.ndarray:
         """Return the evolved parameters of the cells, (n_parameters,)."""
-        return self.trained.theta
+        return self.trained.parameters
 
     @property
     def terrain(self) -> str:

@@ -70,10 +70,10 @@ def perform(config: RunConfig, path: Path) -> Outcome:
             expected = 'one that keeps its last whole population; remove the folder to run it anew'
             raise InvalidInput('run', 'one that an earlier version finished', expected, str(path))
         best, chosen = load_controller(path / 'best.npz'), choose_robust(config, progress)
-        theta, fitness = (of_all[chosen.place] for of_all in progress.population)
+        parameters, fitness = (of_all[chosen.place] for of_all in progress.population)
         robust = replace(
-            best, theta=theta, fitness=float(fitness), scores={config.engine: float(fitness)},
-            versions=versions,
+            best, parameters=parameters, fitness=float(fitness),
+            scores={config.engine: float(fitness)}, versions=versions,
         )
         save_controller(path / 'robust.npz', robust)
         found = {

@@ -111,13 +111,13 @@ class Architecture:
         return self.n_inputs, *self.hidden, self.n_outputs
 
     @property
-    def weights_per_cell(self) -> int:
+    def parameters_per_cell(self) -> int:
         """Return the number of parameters of one cell."""
         return n_parameters(self.layer_sizes, len(self.model.evolved))
 
     def n_parameters(self, n_voxels: int) -> int:
         """Return the number of evolved parameters of a robot of `n_voxels` voxels."""
-        return self.weights_per_cell * (1 if self.uniform else n_voxels)
+        return self.parameters_per_cell * (1 if self.uniform else n_voxels)
 
     def to_dict(self) -> dict:
         """Return the attributes as plain numbers, texts and lists."""

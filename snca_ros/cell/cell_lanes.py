@@ -157,7 +157,7 @@ def _write_values(cells, i, actuation):
 
 
 def make_cells(
-    architecture: Architecture, morphology: Morphology, thetas: np.ndarray, width: int
+    architecture: Architecture, morphology: Morphology, parameters: np.ndarray, width: int
 ) -> GroupState:
     """Return all cells of W robots of one shape, each robot with its own weights, before step 0.
 
@@ -167,24 +167,25 @@ def make_cells(
     Args:
         architecture: what kind of cell.
         morphology: whose voxels the cells control.
-        thetas: (m, n_parameters) the robots' weights, m <= W; the weights of other lanes are 0.
+        parameters: (m, n_parameters) the robots' weights, m <= W; the weights of other lanes are 0.
         width: number of lanes W.
 
     Raises:
-        InvalidInput: `thetas` has another shape or is not finite, or W is not in 1 ... MAX_WIDTH.
+        InvalidInput: `parameters` has another shape or is not finite, or W is not from 1 to
+            MAX_WIDTH.
     """
-    thetas = np.asarray(thetas, dtype=np.float64)
+    parameters = np.asarray(parameters, dtype=np.float64)
     n, n_parameters = morphology.n_voxels, architecture.n_parameters(morphology.n_voxels)
     if not 1 <= width <= MAX_WIDTH:
         raise InvalidInput('width', width, f'from 1 to {MAX_WIDTH}')
-    fits = thetas.ndim == 2 and len(thetas) <= width and thetas.shape[1] == n_parameters
-    if not fits or not np.isfinite(thetas).all():
-        shown = f'shape {thetas.shape}, finite: {bool(np.isfinite(thetas).all())}'
+    fits = parameters.ndim == 2 and len(parameters) <= width and parameters.shape[1] == n_parameters
+    if not fits or not np.isfinite(parameters).all():
+        shown = f'shape {parameters.shape}, finite: {bool(np.isfinite(parameters).all())}'
         expected = f'finite numbers of shape (m, {n_parameters}), m up to {width}'
-        raise InvalidInput('thetas', shown, expected)
+        raise InvalidInput('parameters', shown, expected)
     n_rows = 1 if architecture.uniform else n
-    robots = np.zeros((width, n_rows, architecture.weights_per_cell))
-    robots[: len(thetas)] = thetas.reshape(len(thetas), n_rows, -1)
+    robots = np.zeros((width, n_rows, architecture.parameters_per_cell))
+    robots[: len(parameters)] = parameters.reshape(len(parameters), n_rows, -1)
     rows = np.zeros(n, np.int64) if architecture.uniform else np.arange(n)
     network = make_network(architecture, robots, rows, lanes_are_robots=True)
     n_sent = architecture.n_destinations * architecture.n_c

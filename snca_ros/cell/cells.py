@@ -157,7 +157,7 @@ class Cells:
 
     Args:
         architecture: what kind of cell.
-        weights: (n_rows, weights_per_cell).
+        weights: (n_rows, parameters_per_cell).
         rows: (n,) which row of `weights` each cell runs; None for a row per cell.
 
     Raises:
@@ -168,7 +168,7 @@ class Cells:
         self, architecture: Architecture, weights: np.ndarray, rows: np.ndarray | None = None
     ) -> None:
         weights = np.asarray(weights, dtype=np.float64)
-        expected = architecture.weights_per_cell
+        expected = architecture.parameters_per_cell
         if weights.ndim != 2 or weights.shape[1] != expected or not np.isfinite(weights).all():
             shown = f'shape {weights.shape}, finite: {bool(np.isfinite(weights).all())}'
             raise InvalidInput('weights', shown, f'finite numbers of shape (n, {expected})')

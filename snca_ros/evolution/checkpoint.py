@@ -38,9 +38,9 @@ def _holds(path: Path, trained: TrainedController) -> bool:
         found = load_controller(path)
     except InvalidInput:
         return False
-    if not np.array_equal(found.theta, trained.theta):
+    if not np.array_equal(found.parameters, trained.parameters):
         return False
-    return replace(found, theta=trained.theta, versions=trained.versions) == trained
+    return replace(found, parameters=trained.parameters, versions=trained.versions) == trained
 
 
 @dataclass
@@ -260,7 +260,7 @@ class RunFolder:
         return TrainedController(
             architecture=config.architecture,
             morphology=parse_morphology(config.shape),
-            theta=progress.strategy['individuals'][best],
+            parameters=progress.strategy['individuals'][best],
             terrain=config.terrain,
             material=config.material,
             solver=config.solver,

@@ -48,7 +48,7 @@ def run_episodes(
     robots: Robots,
     architecture: Architecture,
     morphology: Morphology,
-    thetas: np.ndarray,
+    candidates: np.ndarray,
     duration: float = EPISODE,
     push: int | None = None,
     records: tuple[str, ...] = (),
@@ -59,7 +59,7 @@ def run_episodes(
         robots: W robots of that morphology, put down anew.
         architecture: of the controllers.
         morphology: of the robots.
-        thetas: (n, n_parameters), a controller per row, n <= W. Other lanes' weights are 0.
+        candidates: (n, n_parameters), a controller per row, n <= W. Other lanes' weights are 0.
         duration: of the episodes [s].
         push: of the start, see `Robots.reset`.
         records: what to keep beside the centres of mass, as of `run_episode`.
@@ -69,7 +69,7 @@ def run_episodes(
     """
     width = robots.sensing.reading_lanes.shape[2]
     n_steps = round(duration * CONTROL_RATE)
-    cells = make_cells(architecture, morphology, thetas, width)
+    cells = make_cells(architecture, morphology, candidates, width)
     centers = np.empty((n_steps + 1, 2, width))
     done = np.zeros(width, dtype=np.int64)
     robots.reset(push)
@@ -83,7 +83,7 @@ def run_episodes(
             centers[: n + 1, :, lane], diverged=n < n_steps,
             records={name: of_it[:n, :, lane] for name, of_it in zip(records, rows, strict=True)},
         )
-        for lane, n in enumerate(done[: len(thetas)].tolist())
+        for lane, n in enumerate(done[: len(candidates)].tolist())
     ]
 
 
@@ -101,7 +101,7 @@ class SideBySide:
         self._robots: dict[int, Robots] = {}
 
     def __call__(
-        self, thetas: np.ndarray, width: int, duration: float, push: int
+        self, candidates: np.ndarray, width: int, duration: float, push: int
     ) -> list[Episode]:
         """Return an episode of each of (n, n_parameters) candidates, n <= `width` lanes."""
         config, morphology = self._config, self._morphology
@@ -111,6 +111,6 @@ class SideBySide:
                 sensors=config.architecture.sensors,
             )
         return run_episodes(
-            self._robots[width], config.architecture, morphology, thetas, duration, push,
+            self._robots[width], config.architecture, morphology, candidates, duration, push,
             self._records,
         )

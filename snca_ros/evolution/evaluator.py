@@ -23,12 +23,12 @@ class GroupRunner(Protocol):
     """Runs episodes of several candidates of a run."""
 
     def __call__(
-        self, thetas: np.ndarray, width: int, duration: float, push: int
+        self, candidates: np.ndarray, width: int, duration: float, push: int
     ) -> Iterable[Episode]:
         """Return an episode of each of (n, n_parameters) candidates, n <= `width`.
 
         Args:
-            thetas: the candidates.
+            candidates: their parameters.
             width: number of robots side by side, one of the engine's `lanes`.
             duration: of the episodes [s].
             push: 0, or the number of a pushed start.
@@ -47,12 +47,12 @@ class OneByOne:
         self._records = check_task(config.task).records
 
     def __call__(
-        self, thetas: np.ndarray, width: int, duration: float, push: int
+        self, candidates: np.ndarray, width: int, duration: float, push: int
     ) -> Iterator[Episode]:
         """Yield an episode of each of (n, n_parameters) candidates, n of any size."""
         simulation = self._config.simulation(push) if push else self._simulation
-        for theta in thetas:
-            controller = Controller(self._config.architecture, simulation.morphology, theta)
+        for candidate in candidates:
+            controller = Controller(self._config.architecture, simulation.morphology, candidate)
             yield run_episode(simulation, controller, duration, self._records)
 
 
@@ -74,20 +74,20 @@ class Evaluator:
         self._lanes, self._run = engine.lanes, GROUP_RUNNERS.get(engine, OneByOne)(config)
         self._ready: set[int] = set()
 
-    def __call__(self, thetas: np.ndarray, push: int = 0) -> list[float]:
+    def __call__(self, candidates: np.ndarray, push: int = 0) -> list[float]:
         """Return the score of each of (n, n_parameters) candidates; -inf if it diverged.
 
         Args:
-            thetas: the candidates. If the engine steps robots side by side, n is at most the last
-                of its `lanes`.
+            candidates: their parameters. If the engine steps robots side by side, n is at most
+                the last of its `lanes`.
             push: 0, or the number of a pushed start, the same for all; see `Simulation`.
         """
-        config, width = self.config, group_width(self._lanes, len(thetas))
+        config, width = self.config, group_width(self._lanes, len(candidates))
         if width not in self._ready:  # of many workers on a machine only one compiles
             name = f'episode-{config.engine}-{width}-{len(self._task.records)}'
-            warm_up(name, lambda: list(self._run(thetas, width, 2.0 / CONTROL_RATE, 0)))
+            warm_up(name, lambda: list(self._run(candidates, width, 2.0 / CONTROL_RATE, 0)))
             self._ready.add(width)
-        episodes = self._run(thetas, width, config.duration, push)
+        episodes = self._run(candidates, width, config.duration, push)
         return [score_of(self._task, episode, config.transient) for episode in episodes]
 
 
@@ -111,9 +111,9 @@ def evaluate(
         yield from future.result()
 
 
-def score(config: RunConfig, thetas: np.ndarray, push: int = 0) -> list[float]:
+def score(config: RunConfig, candidates: np.ndarray, push: int = 0) -> list[float]:
     """Return the fitness of each of a group of candidates; see `Evaluator`."""
-    return _evaluator(config, threading.get_ident())(thetas, push)
+    return _evaluator(config, threading.get_ident())(candidates, push)
 
 
 @functools.lru_cache(maxsize=2)

@@ -11,7 +11,7 @@ from sim_node.model.morphology import DIRECTIONS
 from sim_node.numerics.jit import warm_up
 from snca_ros.cell.architecture import Architecture
 from snca_ros.cell.cells import Cells
-from snca_ros.controller import weights_of
+from snca_ros.controller import own_parameters
 from snca_ros.controller_file import load_controller
 from snca_ros.faults import CellFaults, Faults, VoxelFaults
 
@@ -76,7 +76,7 @@ def load_own_part(path: str, voxel: str, faults: Faults, where: str) -> OwnPart:
     except InvalidInput as error:
         raise error.found_in(where) from None
     n_voxels = trained.morphology.n_voxels
-    weights = weights_of(trained.architecture, trained.theta, n_voxels, index)
+    weights = own_parameters(trained.architecture, trained.parameters, n_voxels, index)
     cells = Cells(trained.architecture, weights[np.newaxis])
     readings = np.zeros(len(trained.architecture.sensors))
     warm_up('cell', lambda: cells.step_cell(0, readings, cells.silence(), 0))

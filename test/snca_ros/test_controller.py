@@ -47,7 +47,7 @@ def compare_controllers(
     controller.reset()
     weights = theta.tolist() if uniform else theta.reshape(n, n_weights).tolist()
     reference = ReferenceController(
-        morphology.cells, model, n_c, directional, hidden, weights, as_printed
+        morphology.squares, model, n_c, directional, hidden, weights, as_printed
     )
     readings = draw_readings(rng, n_steps, n)
     total = 0.0
@@ -125,12 +125,12 @@ def test_directed_message_is_heard_by_that_neighbor_one_step_later(direction):
 
     morphology = parse_morphology('111-111-111')
     dx, dy = {'above': (0, 1), 'left': (-1, 0), 'below': (0, -1), 'right': (1, 0)}[direction]
-    has_sender = [(x - dx, y - dy) in morphology.cells for x, y in morphology.cells]
+    has_sender = [(x - dx, y - dy) in morphology.squares for x, y in morphology.squares]
     expected = [heard if b else 0.0 for b in has_sender]
     assert sum(has_sender) == 6
 
     readings = np.full((9, 4), 0.5)
-    reference = ReferenceController(morphology.cells, 'mlp', n_c, True, (), weights.tolist())
+    reference = ReferenceController(morphology.squares, 'mlp', n_c, True, (), weights.tolist())
     architecture = make_architecture('U-D', 'mlp', n_c, ())
     controller = Controller(architecture, morphology, weights)
     controller.reset()
@@ -146,8 +146,9 @@ def test_undirected_spikes_are_heard_by_all_four_neighbors_one_step_later():
     weights[0, 1] = 1.0
     weights[4:, 0] = 0.3
     morphology = parse_morphology('111-111-111')
-    center = morphology.cells.index((1, 1))
-    reference = ReferenceController(morphology.cells, 'snn', 1, False, (), weights.ravel().tolist())
+    center = morphology.squares.index((1, 1))
+    squares, flat = morphology.squares, weights.ravel()
+    reference = ReferenceController(squares, 'snn', 1, False, (), flat.tolist())
     architecture = make_architecture('U-nD', 'snn', 1, ())
     controller = Controller(architecture, morphology, weights.ravel())
     controller.reset()

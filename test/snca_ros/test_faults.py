@@ -13,7 +13,7 @@ from sim_node.errors import InvalidInput
 from sim_node.model.morphology import OPPOSITE, parse_morphology
 from snca_ros.cell.architecture import Architecture
 from snca_ros.cell.cells import Cells
-from snca_ros.controller import Controller, weights_of
+from snca_ros.controller import Controller, own_parameters
 from snca_ros.faults import CellFaults, Faults, VoxelFaults, parse_faults
 
 SHAPE = parse_morphology('11-10')
@@ -128,7 +128,7 @@ def run_alone(name, model, text):
     faults, controller = parse_faults(text), make_controller(name, model)
     architecture, n = controller.architecture, SHAPE.n_voxels
     theta = np.random.default_rng(2).uniform(-2.0, 2.0, architecture.n_parameters(n))
-    cells = [Cells(architecture, weights_of(architecture, theta, n, i)[None]) for i in range(n)]
+    cells = [Cells(architecture, own_parameters(architecture, theta, n, i)[None]) for i in range(n)]
     own = [VoxelFaults(CellFaults(faults, SHAPE), i) for i in range(n)]
     actuation, sent = np.zeros((N_STEPS, n)), []
     for k in range(N_STEPS):

@@ -149,7 +149,7 @@ def test_it_is_evolved_saved_loaded_and_recorded(tmp_path, engine, model):
     assert RunConfig.from_yaml(tmp_path / 'run' / 'config.yaml') == config
     trained = load_controller(tmp_path / 'run' / 'best.npz')
     assert trained.architecture == cell
-    assert len(trained.theta) == config.n_parameters == cell.n_parameters(3)
+    assert len(trained.parameters) == config.n_parameters == cell.n_parameters(3)
     recording, _ = record_offline(trained, tmp_path, 0.5)
     assert recording.sensors == FIVE
     assert recording.readings.shape == (31, 3, 5)

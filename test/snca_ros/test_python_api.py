@@ -194,7 +194,7 @@ def test_load_and_save(tmp_path):
     copy = snca.load(tmp_path / 'copy.npz')
     assert copy.name == 'copy'
     np.testing.assert_array_equal(copy.parameters, robot.parameters)
-    assert replace(copy.trained, theta=robot.parameters) == robot.trained
+    assert replace(copy.trained, parameters=robot.parameters) == robot.trained
     with pytest.raises(snca.InvalidInput, match="did you mean 'biped-U-nD-snn-h'"):
         snca.load('biped-U-nD-snn')
     with pytest.raises(snca.InvalidInput, match='a file that can be written'):
@@ -254,7 +254,7 @@ def test_evolve_is_the_command(tmp_path):
     assert best == run.history['best_so_far'][-1]
     assert run.best.name == 'a'
     np.testing.assert_array_equal(
-        run.best.parameters, load_controller(tmp_path / 'b' / 'best.npz').theta
+        run.best.parameters, load_controller(tmp_path / 'b' / 'best.npz').parameters
     )
     np.testing.assert_array_equal(snca.load(tmp_path / 'a').parameters, run.best.parameters)
     assert repr(run).endswith(f', 10 of 10 evaluations, best v_x {best:.3f} m/s)')

@@ -50,13 +50,13 @@ def refusal(path: Path) -> str:
     return text.removeprefix(f'{path}: ')
 
 
-THETA = make().theta
+THETA = make().parameters
 
 
 def assert_same(one: TrainedController, two: TrainedController) -> None:
     for f in fields(TrainedController):
         a, b = getattr(one, f.name), getattr(two, f.name)
-        if f.name == 'theta':
+        if f.name == 'parameters':
             assert a.dtype == b.dtype == np.float64
             assert a.tobytes() == b.tobytes()
         elif f.name == 'fitness' and math.isnan(a):

@@ -10,7 +10,7 @@ from sim_node.model.morphology import parse_morphology
 from sim_node.ros.actuation_buffer import Answers
 from snca_ros.cell.architecture import Architecture
 from snca_ros.cell.cells import Cells, reset_cells
-from snca_ros.controller import Controller, weights_of
+from snca_ros.controller import Controller, own_parameters
 from snca_ros.faults import CellFaults, Faults, VoxelFaults
 from snca_ros.nodes.own_part import OwnPart
 from snca_ros.nodes.voxel_core import SensorsResult, VoxelCore
@@ -41,10 +41,10 @@ class Robot:
         self.n, self.faults = self.morphology.n_voxels, faults or Faults()
         n_parameters = self.architecture.n_parameters(self.n)
         high = 1.0 if self.architecture.spiking else 0.4  # neither silent nor saturated
-        self.theta = np.random.default_rng(seed).uniform(-high, high, n_parameters)
+        self.parameters = np.random.default_rng(seed).uniform(-high, high, n_parameters)
 
     def part(self, i):
-        weights = weights_of(self.architecture, self.theta, self.n, i)
+        weights = own_parameters(self.architecture, self.parameters, self.n, i)
         faults = VoxelFaults(CellFaults(self.faults, self.morphology), i)
         return OwnPart(
             self.architecture, Cells(self.architecture, weights[np.newaxis]), faults, 'reference'
@@ -62,7 +62,7 @@ class Robot:
             n_steps: control steps to make.
             resets: (step, voxel) pairs: the voxel's cell is reset before this step.
         """
-        controller = Controller(self.architecture, self.morphology, self.theta, self.faults)
+        controller = Controller(self.architecture, self.morphology, self.parameters, self.faults)
         actuation, rows = np.zeros(self.n), []
         for k in range(n_steps):
             for step, i in resets:

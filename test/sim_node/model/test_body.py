@@ -62,7 +62,7 @@ def test_masses_are_in_the_corners_of_a_voxel():
 def test_every_voxel_has_its_four_masses_in_order():
     morphology, body = parse_morphology('biped'), build('biped')
     assert len(body.masses) == len(body.space.bodies) == 40
-    for i, (x, y) in enumerate(morphology.cells):
+    for i, (x, y) in enumerate(morphology.squares):
         center = np.mean([body.masses[j].position for j in range(4 * i, 4 * i + 4)], axis=0)
         assert center == pytest.approx((11 + 3 * x + 1.5, 6 + 3 * y + 1.5))
         for j, corner in enumerate(((-0.9, 0.9), (0.9, 0.9), (0.9, -0.9), (-0.9, -0.9))):
@@ -298,7 +298,7 @@ def test_placement(shape, terrain):
     # The clearance below the lower edge of every voxel, sampled every millimetre.
     gaps = [
         y0 + 3 * y - np.interp(np.linspace(11 + 3 * x, 14 + 3 * x, 3001), profile.x, profile.y)
-        for x, y in morphology.cells
+        for x, y in morphology.squares
     ]
     assert np.min(gaps) == pytest.approx(1.0, abs=1e-3)
     assert np.min(gaps) >= 1.0 - 1e-9

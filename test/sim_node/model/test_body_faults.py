@@ -155,7 +155,7 @@ def test_broken_actuators_act_as_if_told_so(engine, kind, instead):
             values[1] = instead(step)
         return values
 
-    assert Simulation('11-10').morphology.cells[1] == (0, 1)
+    assert Simulation('11-10').morphology.squares[1] == (0, 1)
     expected = run(told, engine=engine)
     got = run(engine=engine, broken_actuators=f'{kind}:voxel_0_1@0.25-0.5', seed=6)
     np.testing.assert_array_equal(got[0], expected[0])

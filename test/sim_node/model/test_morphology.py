@@ -73,7 +73,7 @@ def test_shapes_of_paper_and_reference(name, grid):
 
 def test_voxels_are_indexed_row_by_row_from_the_bottom():
     biped = parse_morphology('biped')
-    assert biped.cells == (
+    assert biped.squares == (
         (0, 0), (3, 0), (0, 1), (1, 1), (2, 1), (3, 1), (0, 2), (1, 2), (2, 2), (3, 2),
     )
     assert biped.voxel_names[1] == 'voxel_3_0'
@@ -101,8 +101,8 @@ def test_any_grid_is_parsed_exactly_when_it_is_connected(grid):
         return
     morphology = parse_morphology(grid)
     x0, y0 = min(x for x, _ in cells), min(y for _, y in cells)
-    assert set(morphology.cells) == {(x - x0, y - y0) for x, y in cells}
-    assert len(morphology.cells) == len(cells)
+    assert set(morphology.squares) == {(x - x0, y - y0) for x, y in cells}
+    assert len(morphology.squares) == len(cells)
     again = parse_morphology(morphology.grid_string)
     assert again.same_shape(morphology)
     assert again.grid_string == morphology.grid_string
@@ -113,7 +113,7 @@ def test_any_grid_is_parsed_exactly_when_it_is_connected(grid):
 def test_neighbors_are_mutual(grid):
     assume(is_connected(occupied(grid)))
     morphology = parse_morphology(grid)
-    cells, table = morphology.cells, morphology.neighbors
+    cells, table = morphology.squares, morphology.neighbors
     for i, cell in enumerate(cells):
         for d, (dx, dy) in enumerate(((0, 1), (-1, 0), (0, -1), (1, 0))):
             other = (cell[0] + dx, cell[1] + dy)
@@ -132,15 +132,15 @@ def test_any_string_is_a_morphology_or_invalid_input(text):
         assert '\n' not in str(error)
     else:
         assert 1 <= morphology.n_voxels <= 64 * 64
-        assert len(set(morphology.cells)) == morphology.n_voxels
-        assert min(x for x, _ in morphology.cells) == min(y for _, y in morphology.cells) == 0
+        assert len(set(morphology.squares)) == morphology.n_voxels
+        assert min(x for x, _ in morphology.squares) == min(y for _, y in morphology.squares) == 0
 
 
 @pytest.mark.parametrize('shape', SHAPES)
 @pytest.mark.parametrize('size', [1, 2, 3, 4, 7, 9])
 def test_generators_of_any_size_give_one_connected_piece_or_invalid_input(shape, size):
     text = f'ball-{size}' if shape == 'ball' else f'{shape}-{size}x{size}'
-    assert is_connected(set(parse_morphology(text).cells))
+    assert is_connected(set(parse_morphology(text).squares))
 
 
 def test_empty_border_of_a_grid_is_ignored():
@@ -177,7 +177,7 @@ def test_same_shape_ignores_the_name():
     biped = parse_morphology('biped')
     assert biped.same_shape(parse_morphology('1111-1111-1001'))
     assert not biped.same_shape(parse_morphology('1111-1111-1010'))
-    assert biped != Morphology('other', biped.cells)
+    assert biped != Morphology('other', biped.squares)
 
 
 @pytest.mark.parametrize(('name', 'expected'), [
@@ -190,5 +190,5 @@ def test_repr_is_short_and_equality_compares_name_and_cells(name, expected):
     assert repr(morphology) == str(morphology) == expected
     assert morphology == parse_morphology(name)
     assert hash(morphology) == hash(parse_morphology(name))
-    assert morphology != Morphology('other', morphology.cells)
+    assert morphology != Morphology('other', morphology.squares)
     assert morphology != Morphology(morphology.name, ((0, 0), (1, 0)))

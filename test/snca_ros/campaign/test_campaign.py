@@ -135,7 +135,7 @@ def test_robust_controller_has_the_best_mean_of_the_last_whole_population(file, 
         place = int(row['robust_rank']) - 1
         assert means[place] == means.max() == float(row['v_x_robust_chosen'])
         robust = load_controller(whole / 'results' / 'controllers' / f'{name}-robust.npz')
-        assert robust.theta.tolist() == individuals[place].tolist()
+        assert robust.parameters.tolist() == individuals[place].tolist()
         assert robust.fitness == fitness[place] == robust.scores[config.engine]
         trial = Trial(robust, 'flat', duration=1.0, transient=0.2)
         pushed = [score(replace(trial, start=i)) for i in range(101, 121)]

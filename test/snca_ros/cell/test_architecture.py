@@ -49,7 +49,7 @@ architectures = st.builds(
 def test_the_papers_three(name, model, sizes, per_cell, of_biped):
     architecture = Architecture.named(name, model)
     assert architecture.layer_sizes == sizes
-    assert architecture.weights_per_cell == per_cell
+    assert architecture.parameters_per_cell == per_cell
     assert architecture.n_parameters(10) == of_biped
 
 
@@ -62,7 +62,7 @@ def test_parameters_are_counted_as_the_model_says(name, model):
     per_cell = (n_in + bias) * n_in + (n_in + bias) * n_out
     architecture = Architecture.named(name, model)
     assert architecture.layer_sizes == (n_in, n_in, n_out)
-    assert architecture.weights_per_cell == per_cell
+    assert architecture.parameters_per_cell == per_cell
     for n_voxels in (1, 5, 10):
         expected = per_cell if uniform else per_cell * n_voxels
         assert architecture.n_parameters(n_voxels) == expected
@@ -76,7 +76,7 @@ def test_parameters_of_any_network(architecture):
     sizes = [4 + 4 * a.n_c, *a.hidden, n_out]
     assert list(a.layer_sizes) == sizes
     per_cell = sum((sizes[i] + bias) * sizes[i + 1] for i in range(len(sizes) - 1))
-    assert a.weights_per_cell == per_cell
+    assert a.parameters_per_cell == per_cell
     assert a.n_parameters(7) == (per_cell if a.uniform else 7 * per_cell)
 
 
@@ -111,7 +111,7 @@ def test_all_nine_construct_and_step(name, model, as_printed):
 def test_reset_forgets_everything_but_the_weights(name, model):
     architecture = Architecture.named(name, model)
     rng = np.random.default_rng(4)
-    cells = Cells(architecture, rng.normal(size=(1, architecture.weights_per_cell)))
+    cells = Cells(architecture, rng.normal(size=(1, architecture.parameters_per_cell)))
     readings = rng.uniform(0, 1, (40, 4))
     inbox = np.ones((4, architecture.n_c, architecture.message_width))
     runs = []
@@ -148,7 +148,7 @@ def test_cells_refuse_weights_of_another_kind(weights):
 @pytest.mark.parametrize('shape', [(499,), (501,), (1, 500), (0,), ()])
 def test_controller_refuses_a_theta_of_another_shape(shape):
     architecture = Architecture.named('U-nD', 'snn')
-    with pytest.raises(InvalidInput, match=r'theta: got .* \(500,\)'):
+    with pytest.raises(InvalidInput, match=r'parameters: got .* \(500,\)'):
         Controller(architecture, parse_morphology('11'), np.zeros(shape))
 
 
@@ -275,7 +275,7 @@ def test_any_value_is_taken_or_refused_by_name(key, value):
         complaint = str(error)
     else:
         complaint = ''
-        assert architecture.weights_per_cell > 0
+        assert architecture.parameters_per_cell > 0
     assert not complaint or complaint.startswith(f'{key}: got ')
 
 
@@ -298,7 +298,7 @@ def test_named_architectures_have_the_sizes_of_the_paper(
     assert tuple(architecture.layer_sizes) == layer_sizes
     assert architecture.n_inputs == layer_sizes[0]
     assert architecture.n_outputs == layer_sizes[-1]
-    assert architecture.weights_per_cell == n_weights
+    assert architecture.parameters_per_cell == n_weights
     assert architecture.n_parameters(10) == n_on_biped
 
 
@@ -311,4 +311,4 @@ def test_sizes_of_architectures(combination, model, n_c, hidden):
     directional = COMBINATIONS[combination][1]
     sizes = sizes_of(n_c, directional, hidden)
     assert list(architecture.layer_sizes) == sizes
-    assert architecture.weights_per_cell == n_weights_of(model, sizes)
+    assert architecture.parameters_per_cell == n_weights_of(model, sizes)

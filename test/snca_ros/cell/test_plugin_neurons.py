@@ -69,7 +69,7 @@ def by_hand(architecture, parameters, trains):
 def test_spikes_are_those_of_independent_arithmetic(hidden):
     architecture = Architecture.named('U-D', 'pacemaker', hidden=hidden)
     rng = np.random.default_rng(3)
-    parameters = rng.uniform(-0.5, 0.5, architecture.weights_per_cell)
+    parameters = rng.uniform(-0.5, 0.5, architecture.parameters_per_cell)
     cells = Cells(architecture, parameters[None])
     n_steps = 30
     spikes = (rng.random((n_steps, 4, 1, 16)) < 0.1).astype(float)
@@ -88,7 +88,7 @@ def test_spikes_are_those_of_independent_arithmetic(hidden):
 def test_values_are_those_of_independent_arithmetic():
     architecture = Architecture.named('U-D', 'integrator', hidden=(3,))
     rng = np.random.default_rng(4)
-    parameters = rng.uniform(-1.0, 1.0, architecture.weights_per_cell)
+    parameters = rng.uniform(-1.0, 1.0, architecture.parameters_per_cell)
     assert len(parameters) == (8 + 1) * 3 + (3 + 1) * 5
     cells = Cells(architecture, parameters[None])
     y = [[0.0] * n for n in architecture.layer_sizes]
@@ -138,7 +138,7 @@ def test_it_evolves_in_both_engines_and_is_kept_in_a_file(name, tmp_path):
     save_controller(tmp_path / 'cells.npz', trained)
     loaded = load_controller(tmp_path / 'cells.npz')
     assert loaded.architecture == cells
-    np.testing.assert_array_equal(loaded.theta, candidates[0])
+    np.testing.assert_array_equal(loaded.parameters, candidates[0])
 
 
 def test_a_file_that_names_an_unknown_model_is_refused_and_imports_nothing(tmp_path):

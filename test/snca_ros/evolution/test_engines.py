@@ -67,7 +67,7 @@ def test_best_is_that_of_the_runs_engine_and_walks_once_in_the_other(whole, tmp_
         progress = run(path, 1, replace(CONFIG, engine=engine, evaluations=9))
     trained = load_controller(path / 'best.npz')
     best = progress.strategy['individuals'][:1]
-    assert trained.theta.tolist() == best[0].tolist()
+    assert trained.parameters.tolist() == best[0].tolist()
     assert trained.chosen_by == engine
     assert trained.fitness == progress.strategy['fitness'].max() == progress.history[-1][-1]
     assert trained.scores == {e: Evaluator(replace(CONFIG, engine=e))(best)[0] for e in ENGINES}
@@ -117,7 +117,7 @@ def finished_by_old_rules(path, progress, **entries):
     if 'reassessed' in entries:
         fitness['pymunk'] = float(entries['reassessed'][i])
     save_controller(old / 'best.npz', replace(
-        trained, theta=progress.strategy['individuals'][i], scores=fitness,
+        trained, parameters=progress.strategy['individuals'][i], scores=fitness,
         fitness=list(fitness.values())[-1], chosen_by=list(fitness)[-1],
         versions={'snca_ros': 'an earlier one'},
     ))
@@ -138,7 +138,7 @@ def test_a_run_that_an_earlier_version_finished_stays_as_it_is(whole, tmp_path, 
     (old / 'best.npz').write_bytes(before['best.npz'][:100])
     RunFolder.resume(old).load()
     mended = load_controller(old / 'best.npz')
-    assert mended.theta.tolist() == progress.strategy['individuals'][len(entries)].tolist()
+    assert mended.parameters.tolist() == progress.strategy['individuals'][len(entries)].tolist()
     assert mended.fitness == (0.5 if entries else progress.strategy['fitness'][0])
 
 

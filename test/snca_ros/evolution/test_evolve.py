@@ -56,7 +56,7 @@ def test_best_scores_again_what_the_history_says(whole):
 def test_checkpoint_is_the_best_first(whole):
     arrays, best = arrays_of(whole / 'checkpoint.npz'), load_controller(whole / 'best.npz')
     assert arrays['fitness'][0] == arrays['fitness'].max() == best.fitness
-    np.testing.assert_array_equal(arrays['individuals'][0], best.theta)
+    np.testing.assert_array_equal(arrays['individuals'][0], best.parameters)
     assert arrays['individuals'].shape[1] == 500
     assert arrays['generation'] == 29
     # The last generation has 3 candidates: the population before it is kept.
