@@ -204,7 +204,7 @@ class SimNode(RosNode):
         if waited > _SLOW and self._reported_step != step:
             self._reported_step = step
             self.publish_diagnostics()
-        # Before step 2 the voxels still start and discover their neighbours.
+        # Before `START_STEPS` the voxels still start and discover their neighbours.
         limit = self._options.silence_limit if step >= START_STEPS else self._options.start_limit
         if waited <= limit:
             return

@@ -81,7 +81,6 @@ class RecorderNode(RosNode):
             wanted = topic.startswith(prefix) or topic in GLOBAL_TOPICS
             if wanted and topic not in self._topics:
                 self._record(topic, _declared_type(topic) or types[0])
-                self._newest_topic = time.monotonic()
         settled = self._topics and time.monotonic() - self._newest_topic > _SETTLED
         period = _SETTLED_PERIOD if settled else _DISCOVERY_PERIOD
         self._discovery_timer.timer_period_ns = int(period * 1e9)
@@ -94,6 +93,7 @@ class RecorderNode(RosNode):
         if not publishers:
             return
         self._topics.add(topic)
+        self._newest_topic = time.monotonic()
         try:
             message_class = _message_class(message_type)
         except (ImportError, AttributeError, ValueError):

@@ -224,7 +224,7 @@ class VoxelCore:
             return None
         if newly_silent := tuple(self.awaited):
             # In the first steps neighbours may not have discovered each other yet.
-            patience = self._patience if self.step > START_STEPS else 10.0 * self._patience
+            patience = self._patience if self.step >= START_STEPS else 10.0 * self._patience
             if not patience or now - self.since < patience:
                 return None
             self._silent.update(newly_silent)

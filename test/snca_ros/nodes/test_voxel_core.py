@@ -235,6 +235,22 @@ def test_with_patience_a_neighbour_is_silent_until_its_next_message():
     assert core.answer(13.0).newly_silent == (LEFT,)
 
 
+@pytest.mark.parametrize(('step', 'patience'), [
+    (START_STEPS - 1, 20.0), (START_STEPS, 2.0), (START_STEPS + 1, 2.0),
+])
+def test_patience_is_longer_where_the_simulation_waits_longer(step, patience):
+    core, _ = make_core(patience=2.0)
+    for k in range(step):
+        sense(core, k)
+        if k:
+            send(core, k - 1)
+        assert core.answer(0.0).step == k
+    sense(core, step)
+    send(core, step - 1, RIGHT)
+    assert core.answer(patience - 0.1) is None
+    assert core.answer(patience).newly_silent == (LEFT,)
+
+
 def test_a_neighbour_that_has_sent_a_later_message_is_not_awaited():
     core, cell = make_core()
     sense(core, 5)
