@@ -8,6 +8,9 @@ CONTROL_RATE = 60
 START_STEPS = 2
 """First steps in lock-step even in real time, while nodes start and discover each other."""
 
+MARKER_PERIOD = 2
+"""Control steps between two messages of the robot's outline, and two frames of pages and films."""
+
 
 def stamp_of_step(step: int) -> tuple[int, int]:
     """Return (sec, nanosec) of a control step: step / 60 s, rounded down to a nanosecond."""

@@ -10,16 +10,9 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
-from sim_node.control_time import CONTROL_RATE, stamp_of_step
+from sim_node.control_time import CONTROL_RATE, MARKER_PERIOD, stamp_of_step
 from sim_node.ros import topics
-from sim_node.ros.sim_interface import (
-    ACTUATION,
-    CLOCK,
-    MARKER_PERIOD,
-    MARKERS,
-    ODOMETRY,
-    SENSORS,
-)
+from sim_node.ros.sim_interface import ACTUATION, CLOCK, MARKERS, ODOMETRY, SENSORS
 from sim_node.simulation import Simulation
 
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from sim_node.control_time import CONTROL_RATE
+from sim_node.control_time import CONTROL_RATE, MARKER_PERIOD
 from sim_node.engine import DEFAULT_ENGINE, ENGINES
 from sim_node.model.body_faults import FaultsOfBody
 from sim_node.model.constants import Checked, choice, constant, flag, text_value
@@ -12,9 +12,6 @@ from sim_node.model.sensors import DEFAULT_SENSORS
 from sim_node.model.solver import Solver
 from sim_node.model.terrain import DEFAULT_TERRAIN, TERRAIN_FORM
 from sim_node.ros.interface import DIAGNOSTICS, ROSOUT, NodeInterface, Parameters, Service, Topic
-
-MARKER_PERIOD = 2
-"""Control steps between two marker messages."""
 
 _EACH_STEP = f'every control step, {CONTROL_RATE} per simulated second'
 

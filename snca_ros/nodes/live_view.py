@@ -15,7 +15,7 @@ from sim_node.ros import topics
 from sim_node.ros.interface import DIAGNOSTICS
 from sim_node.ros.node_base import RosNode
 from sim_node.ros.sim_interface import ACTUATION, MARKERS, ODOMETRY, SENSORS
-from snca_ros.cell.coding import SNN_STEPS
+from snca_ros.cell.coding import pack_trains
 from snca_ros.controller_file import TrainedController
 from snca_ros.nodes.cell_messages import CellMessages, topic_name
 from snca_ros.nodes.interfaces import VIEW_NODE, VIEW_RATE
@@ -143,4 +143,4 @@ class ViewNode(RosNode):
         rows = message.reshape(-1, message.shape[-1])
         if not self._spiking:
             return [step, i, rows.ravel().tolist()]
-        return [step, i, (rows @ (1 << np.arange(SNN_STEPS))).astype(int).tolist()]
+        return [step, i, pack_trains(rows).astype(int).tolist()]

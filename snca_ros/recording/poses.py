@@ -9,12 +9,12 @@ import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
 from sim_node import message_layout
+from sim_node.control_time import MARKER_PERIOD
 from sim_node.errors import InvalidInput
 from snca_ros.recording.storage import Topic
 from snca_ros.recording.streams import Stream
 
 _TYPE = 'visualization_msgs/msg/MarkerArray'
-_PERIOD = 2  # control steps between the poses that the simulation publishes
 _CORNERS = [0, 1, 2, 5]  # of the two triangles that make a voxel
 
 
@@ -57,10 +57,10 @@ def read_poses(
     if ground is None or not mine.any():
         return None
     corners, times = corners[mine], times[mine]
-    steps = _PERIOD * np.arange(len(times))
-    if len(times) != int(odometry.steps[-1]) // _PERIOD + 1:
+    steps = MARKER_PERIOD * np.arange(len(times))
+    if len(times) != int(odometry.steps[-1]) // MARKER_PERIOD + 1:
         newest = np.searchsorted(odometry.times, times, side='right') - 1
-        steps = odometry.steps[np.maximum(newest, 0)] // _PERIOD * _PERIOD
+        steps = odometry.steps[np.maximum(newest, 0)] // MARKER_PERIOD * MARKER_PERIOD
         steps, first = np.unique(steps, return_index=True)
         corners = corners[first]
     return Poses(steps, corners, ground)

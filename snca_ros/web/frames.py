@@ -6,14 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_node.control_time import CONTROL_RATE
+from sim_node.control_time import CONTROL_RATE, MARKER_PERIOD
 from sim_node.errors import InvalidInput
+from snca_ros.cell.coding import pack_trains
 from snca_ros.recording.bag import Recording
 from snca_ros.recording.gait import area_ratios, bridge_gaps, readings_of
 from snca_ros.recording.poses import Poses
-
-FRAME_STEPS = 2
-"""Control steps between frames: as many as between the poses that the simulation publishes."""
 
 MAX_FRAMES = 18_001
 """Frames of ten minutes; in longer walks there are more control steps between frames."""
@@ -101,7 +99,7 @@ def make_frames(recording: Recording, thresholds: np.ndarray | None = None) -> F
     if recording.poses is None:
         expected = f'a bag with /{recording.robot}/markers'
         raise InvalidInput('markers', None, expected, str(recording.path))
-    stride = FRAME_STEPS * -(-recording.n_steps // (FRAME_STEPS * MAX_FRAMES))
+    stride = MARKER_PERIOD * -(-recording.n_steps // (MARKER_PERIOD * MAX_FRAMES))
     at = np.arange(0, recording.n_steps, stride)
     centers, readings = bridge_gaps(recording.centers), recording.readings[at]
     arrays = {
@@ -158,7 +156,7 @@ def _window_means(numbers: np.ndarray) -> np.ndarray:
 def _messages(recording: Recording, at: np.ndarray) -> dict[str, Packed]:
     """Return the messages of all control steps and, for spikes, the firing rates at the frames."""
     if recording.spikes is not None:
-        trains = recording.spikes.astype(np.uint16) @ (1 << np.arange(16, dtype=np.uint16))
+        trains = pack_trains(recording.spikes).astype(np.uint16)
         per_channel = recording.spikes.sum(axis=3).mean(axis=2) * CONTROL_RATE
         rates = _window_means(np.where(recording.heard, per_channel, np.nan))
         return {'messages': Packed(trains), 'rate': Packed.fitting(rates[at])}

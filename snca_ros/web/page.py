@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from sim_node.control_time import CONTROL_RATE
+from sim_node.control_time import CONTROL_RATE, MARKER_PERIOD
 from sim_node.model.terrain import Terrain
 from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import TRANSIENT
 from snca_ros.recording.bag import Recording
 from snca_ros.recording.gait import measure_gait
-from snca_ros.web.frames import FRAME_STEPS, Frames, make_frames
+from snca_ros.web.frames import Frames, make_frames
 
 _STYLES = ('uplot/uPlot.min.css', 'page.css')
 _SCRIPTS = (
@@ -132,7 +132,7 @@ def _notes(recording: Recording, frames: Frames) -> list[str]:
     every = frames.stride / CONTROL_RATE
     notes = [
         f'Robot and plots have a frame every {frames.stride} control steps ({every:.3f} s)'
-        f'{"" if frames.stride == FRAME_STEPS else ", thinned because the walk is long"};'
+        f'{"" if frames.stride == MARKER_PERIOD else ", thinned because the walk is long"};'
         ' between frames the page interpolates. It shows all messages between voxels.',
         'Plots are means over one second: each voxel in grey, the mean of all, and the selected '
         'voxel.'
