@@ -3,6 +3,7 @@
 import signal
 from pkgutil import resolve_name
 
+from sim_node.errors import InvalidInput
 from sim_node.ros.interface import node_help
 from snca_ros.command_line import exit_code, load_module
 from snca_ros.graph.child_process import end_with_parent
@@ -14,12 +15,12 @@ NODES = {
 }
 """Module and help text of each executable; all of them take --ros-args."""
 
-
 _INTERFACES = {
     'sim_node': 'sim_node.ros.sim_interface:SIM_NODE',
     'voxel_node': 'snca_ros.nodes.interfaces:VOXEL_NODE',
     'recorder_node': 'snca_ros.nodes.interfaces:RECORDER_NODE',
 }
+_TAKE_NAMES = ('voxel_node',)  # of the nodes to run
 
 
 def run_node(name: str, argv: list[str]) -> int:
@@ -28,15 +29,18 @@ def run_node(name: str, argv: list[str]) -> int:
     if '-h' in own or '--help' in own:
         print(node_help(resolve_name(_INTERFACES[name])), flush=True)
         return 0
-    return exit_code(name, lambda: _run(NODES[name][0], argv))
+    return exit_code(name, lambda: _run(name, argv, own))
 
 
-def _run(module: str, argv: list[str]) -> int:
+def _run(name: str, argv: list[str], own: list[str]) -> int:
+    if own and name not in _TAKE_NAMES:
+        expected = f"nothing before --ros-args, which takes parameters: 'snca {name} --help'"
+        raise InvalidInput('arguments', ' '.join(own), expected)
     end_with_parent()
     # Before the node installs its own handlers there is nothing to finish: a signal just ends it.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        return load_module(module).main(argv)
+        return load_module(NODES[name][0]).main(argv)
     except KeyboardInterrupt:
         return 0

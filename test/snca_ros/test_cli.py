@@ -62,6 +62,26 @@ def test_command_lines_are_read_in_commands_alone():
     }
 
 
+@pytest.mark.parametrize('name', cli.NODES)
+def test_a_node_describes_itself_and_starts_nothing(name, capsys):
+    assert cli.main([name, '--help']) == 0
+    out, err = capsys.readouterr()
+    assert err == ''
+    assert f'ros2 run snca_ros {name}' in out
+    assert '\nparameters:\n' in out
+
+
+@pytest.mark.parametrize(('name', 'argument'), [
+    ('sim_node', '--params-file'), ('recorder_node', '--bag'), ('sim_node', 'biped'),
+])
+def test_a_node_refuses_arguments_without_ros_args(name, argument, capsys):
+    assert cli.main([name, argument, 'F', '--ros-args', '-p', 'a:=1']) == 2
+    out, err = capsys.readouterr()
+    assert out == ''
+    assert f"snca {name}: error: arguments: got '{argument} F'" in err
+    assert f"'snca {name} --help'" in err
+
+
 @pytest.mark.parametrize(
     ('typo', 'meant'),
     [
