@@ -47,7 +47,7 @@ class Group(NamedTuple):
     fall: float  # gravity's change of velocity per step [m/s]
     bias: float  # of overlaps and gaps: velocity that mends them, per length [1/s]
     half: float  # half the side of a mass [m]
-    per_rho: float  # 1 over its radius of gyration [1/m]
+    inv_gyration_radius: float  # 1 over its radius of gyration [1/m]
     friction: float
     restitution: float
     rest_area: float  # of a voxel [m^2]
@@ -114,7 +114,7 @@ def make_group(
         fall=material.gravity * dt,
         bias=(1.0 - JOINT_ERROR**dt) / dt,
         half=material.mass_side / 2.0,
-        per_rho=math.sqrt(material.mass / material.moment),
+        inv_gyration_radius=math.sqrt(material.mass / material.moment),
         friction=material.friction,
         restitution=material.restitution,
         rest_area=material.side**2,

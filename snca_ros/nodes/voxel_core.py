@@ -99,7 +99,7 @@ class VoxelCore:
         self.episode = episode
         self._cells.reset()
         self._faults.reset()
-        self._inbox = self._cells.silence()
+        self._inbox = self._cells.empty_inbox()
         self._readings: np.ndarray | None = None  # sensors(k) not yet answered
         self.step = -1
         self.since = self._first_received = now
