@@ -54,7 +54,6 @@ def padded(n: int, multiple: int) -> int:
 def pad(
     rows: np.ndarray, multiple: int, mode: Literal['constant', 'edge'] = 'constant'
 ) -> np.ndarray:
-    """Return (k, n) rows with n padded to a multiple: with zeros, or in mode 'edge' the last value.
-    """
+    """Return (k, n) rows with n padded to a multiple, by zeros or (mode 'edge') the last value."""
     width = padded(rows.shape[1], multiple) - rows.shape[1]
     return np.pad(rows, ((0, 0), (0, width)), mode=mode)

@@ -22,8 +22,7 @@ WORD = 64
 
 
 class Network(NamedTuple):
-    """The neurons of n cells, layer after layer; each layer is padded to items or pairs of items.
-    """
+    """The neurons of n cells, layer after layer, each padded to whole items or pairs of items."""
 
     model: Any  # constants of the neuron model, whose type selects compiled code
     sizes: np.ndarray  # (n_layers,) neurons per layer
