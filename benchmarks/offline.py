@@ -17,7 +17,7 @@ from benchmarks.command import run_part
 from sim_node.model.sensing import sense_robot
 from sim_node.model.solver import Solver
 from sim_node.munk2d import c_functions as munk
-from sim_node.munk2d.engine import look, set_rest_lengths
+from sim_node.munk2d.engine import read_bodies, set_rest_lengths
 from sim_node.numerics.jit import compiled
 from sim_node.simulation import Simulation
 from snca_ros.cell.architecture import Architecture
@@ -61,7 +61,7 @@ def actuation_of(simulation: Simulation, controller: Controller, n_steps: int) -
 def sensor_steps(world, robot, n_steps):
     """Read bodies and sensors and nothing else."""
     for k in range(n_steps):
-        look(world)
+        read_bodies(world)
         sense_robot(robot, world.masses, world.area_ratios, world.touching, k)
 
 

@@ -58,8 +58,7 @@ class Faults(FaultsOfBody, FaultsOfCells):
 
     @property
     def of_body(self) -> dict[str, Any]:
-        """Return the arguments of `Simulation`, which are parameters of the simulation node, too.
-        """
+        """Return the arguments of `Simulation`, also parameters of the simulation node."""
         return {f.name: getattr(self, f.name) for f in declared(FaultsOfBody)}
 
     @property

@@ -148,7 +148,7 @@ class SensorRegistry(Registry[Any]):
         for other in self._entries.values():
             if type(other) is not kind and type(other).__name__ == kind.__name__:
                 where = type(other).__module__
-                expected = f'another name of the class, since {where} has one of this name'
+                expected = f'another class name: {where} has a sensor class of this name'
                 raise InvalidInput(field, kind.__name__, expected)
         super().register(name, thing)
 
