@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='number of robots side by side (default: all)')
     add_option(parser, RenderOptions, 'duration')
     add_option(parser, RenderOptions, 'start')
-    parser.add_argument('--terrain', help='terrain of controllers (default: that of their evolution)')
+    parser.add_argument('--terrain', help='terrain of controllers (default: that of evolution)')
     add_option(parser, RenderOptions, 'fps')
     add_option(parser, RenderOptions, 'width', default=None,
                help=f'{help_of(RenderOptions, "width")[:-1]}, {_WIDTHS[".png"]} for a strip; up to '

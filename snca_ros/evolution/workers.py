@@ -98,7 +98,7 @@ def cluster_workers(address: str) -> Iterator[Workers]:
     try:
         from distributed import CancelledError, Client, KilledWorker
     except ImportError:
-        expected = "none without Dask: pip install 'snca_ros[cluster]'"
+        expected = "an installation with Dask: pip install 'snca_ros[cluster]'"
         raise InvalidInput('scheduler', address, expected) from None
     try:
         client = Client(address, timeout=_ANSWER_LIMIT)
