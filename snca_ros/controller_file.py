@@ -113,7 +113,8 @@ class TrainedController:
         Raises:
             InvalidInput: a value is invalid.
         """
-        from sim_node.simulation import Simulation  # it imports pymunk, which voxel nodes do not need
+        # Imported here, since it imports pymunk, which voxel nodes do not need.
+        from sim_node.simulation import Simulation
 
         return Simulation(
             self.morphology, terrain or self.terrain, material=self.material, solver=self.solver,

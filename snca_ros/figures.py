@@ -33,7 +33,8 @@ def write_figure(figure: Figure, path: Path) -> None:
     try:
         write_atomically(path, lambda file: figure.savefig(file, format=kind, dpi=120))
     except OSError as error:
-        raise InvalidInput('figure', f'{path}: {error.strerror}', 'a file that can be written') from None
+        shown = f'{path}: {error.strerror}'
+        raise InvalidInput('figure', shown, 'a file that can be written') from None
 
 
 def legend_above(axes: Axes, at: float = 1.01) -> None:
