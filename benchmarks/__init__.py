@@ -1,1 +1,1 @@
-"""Speed, measured: run `make bench`."""
+"""Benchmarks, which `make bench` runs."""

@@ -1,4 +1,4 @@
-"""All benchmarks: offline episodes, both engines, lanes, evolution, graphs of real processes.
+"""Runs all benchmarks: offline episodes, both engines, lanes, evolution, graphs of ROS nodes.
 
 python -m benchmarks [--quick] [--json FILE]
 """

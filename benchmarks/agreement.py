@@ -1,12 +1,12 @@
-"""How far the batched engine's walks are from pymunk's, beside pymunk's from its own, pushed.
+"""Compares walks in the batched engine with those in pymunk, and pushed with unpushed starts.
 
     python -m benchmarks.agreement [--quick] [--json FILE]
 
-A closed loop is chaotic: a push of 1e-6 m makes another walk in one and the same engine. So the
-measure of an engine is whether it differs from pymunk by more than that. Each controller walks 30 s
+A closed loop is chaotic: a push of 1e-6 m leads to another walk in the same engine. So the
+question is whether an engine differs from pymunk by more than that. Each controller walks 30 s
 on flat ground in pymunk, in pymunk with every mass moved by up to 1e-6 m at the start, and in the
-batched engine. Half of the controllers are random, half children of the bundled biped where
-they fit.
+batched engine. Half of the controllers are random; the other half are mutants of the bundled biped,
+for shapes that it fits.
 """
 
 import numpy as np

@@ -1,12 +1,12 @@
-"""What a robot-step costs in the batched engine beside Munk2D's: ratios first.
+"""Measures the cost of a robot-step in the batched engine, relative to Munk2D.
 
     python -m benchmarks.batched [--quick] [--json FILE]
 
-Physics alone is the robot's space in Munk2D, stepped from compiled code, against the lanes' step,
-both under the same actuation, which changes in every step. An episode holds sensors and cells as
-well. Rounds of both engines take turns in one process; figures are medians of CPU time. The
-assembly of the sweep is searched for the vector registers that it uses, and for fused
-multiply-adds, of which there must be none.
+For physics alone, it compares the robot's space in Munk2D, stepped from compiled code, with a step
+of the lanes, both with the same actuation, which changes in every step. An episode includes sensors
+and cells. Rounds of both engines alternate in one process; results are medians of CPU time. It also
+counts the vector registers in the assembly of the sweep, and fused multiply-adds, of which there
+must be none.
 """
 
 import re
@@ -70,7 +70,7 @@ def new_robots(simulation: Simulation, width: int) -> Robots:
 
 
 def take_turns(reference, batched, rounds: int, per_reference: int, per_batched: int) -> dict:
-    """Run both `rounds` times in turns; return microseconds per robot-step and their ratio."""
+    """Run both alternately, `rounds` times; return microseconds per robot-step and their ratio."""
     a, b = [], []
     reference(), batched()
     for _ in range(rounds):
@@ -124,7 +124,7 @@ def registers() -> dict:
 
 
 def measure(quick: bool) -> dict:
-    """Return all figures."""
+    """Measure all cases."""
     rounds, n_steps, duration = (3, 600, 5.0) if quick else (7, 3000, 30.0)
     results = [measure_physics(shape, 16, rounds, n_steps) for shape in SHAPES]
     results += [
@@ -136,7 +136,7 @@ def measure(quick: bool) -> dict:
 
 
 def table(figures: dict) -> str:
-    """Return the figures as text."""
+    """Return the measurements as text."""
     lines = ['pymunk / batched   us per robot-step: pymunk  batched   W   shape, what']
     for r in figures['results']:
         lines.append(

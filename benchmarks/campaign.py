@@ -1,10 +1,10 @@
-"""What the paper's campaigns cost: the rate of each case, and the time on 2, 64 and 1,000 cores.
+"""Measures the cost of the paper's campaigns: rates of each case, time on 2 to 1,000 cores.
 
     python -m benchmarks.campaign [--quick] [--json FILE]
 
-One run of each case evolves in this process for a while, as a worker of `campaign` does it, and is
+One run of each case evolves in this process for some time, as in a worker of `campaign`, and is
 assessed. Rates are evaluations per second of CPU time, after the first third, when robots begin to
-walk. Core-hours are those of evolution; the assessment stands beside them.
+walk. Core-hours of evolution and of assessment are listed separately.
 """
 
 import heapq
@@ -28,7 +28,7 @@ CORES = 2, 64, 1000
 
 
 def case_of(config: RunConfig) -> str:
-    """Return what the runs of a case have in common."""
+    """Return the settings that the runs of a case have in common."""
     cell = config.architecture
     return f'{config.shape} {ControllerType(cell.name, cell.neuron_model)}'
 
@@ -50,7 +50,7 @@ def measure_run(config: RunConfig, generations: int) -> tuple[float, float]:
 
 
 def makespan(durations: Iterable[float], cores: int) -> float:
-    """Return when the last run ends, if each begins as soon as a core is free."""
+    """Return the end of the last run, if each begins as soon as a core is free."""
     busy = [0.0] * cores
     for duration in durations:
         heapq.heapreplace(busy, busy[0] + duration)

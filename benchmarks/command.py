@@ -1,4 +1,4 @@
-"""The command line that all benchmarks share."""
+"""The command line of the benchmarks."""
 
 import argparse
 import json
@@ -10,12 +10,12 @@ Table = Callable[[dict], str]
 
 
 def run_part(doc: str, measure: Measure, table: Table) -> None:
-    """Run one benchmark as its command line says: print its table, write its JSON."""
+    """Run one benchmark: print its table and write its JSON file."""
     run_all(doc, {'': (measure, table)})
 
 
 def run_all(doc: str, parts: dict[str, tuple[Measure, Table]]) -> None:
-    """Run benchmarks one after the other; the JSON file has their results by name."""
+    """Run benchmarks one after another; the JSON file has their results by name."""
     parser = argparse.ArgumentParser(description=doc.splitlines()[0])
     parser.add_argument('--quick', action='store_true', help='shorter, and less to be trusted')
     parser.add_argument('--json', type=Path, metavar='FILE', help='also write the figures here')

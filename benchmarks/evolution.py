@@ -1,9 +1,10 @@
-"""What evolution costs beside its episodes: evaluations/s end to end, both engines, memory.
+"""Measures the cost of evolution besides its episodes: evaluations/s in both engines, memory.
 
     python -m benchmarks.evolution [--quick] [--json FILE]
 
-Wall-clock time of whole runs of `evolve` against episodes run one after the other in this
-process; needs two idle cores. The parent's share is its CPU time over that of all processes.
+It compares the wall-clock time of runs of `evolve` with that of episodes run one after another in
+this process, and needs two idle cores. The parent's share is its CPU time over that of all
+processes.
 """
 
 import multiprocessing
@@ -24,7 +25,7 @@ from snca_ros.evolution.workers import local_workers
 
 
 def config_of(evaluations: int, duration: float, engine: str = 'pymunk') -> RunConfig:
-    """Return a run of the biped SNCA that spends so many episodes of so many seconds."""
+    """Return the configuration of a run of the biped SNCA."""
     return RunConfig(
         'biped', Architecture.named('U-nD', 'snn-h'), engine=engine,
         evaluations=evaluations, duration=duration, transient=duration / 6.0,
@@ -38,7 +39,7 @@ def cpu_seconds(who: int) -> float:
 
 
 def episodes_alone(config: RunConfig) -> float:
-    """Return episodes/s, one after the other in this process, of one generation's candidates."""
+    """Return episodes/s of one generation's candidates, run one after another in this process."""
     evaluator = Evaluator(config)
     candidates = np.random.default_rng(0).uniform(-1.0, 1.0, (36, config.n_parameters))
     evaluator(candidates[:1])
@@ -48,7 +49,7 @@ def episodes_alone(config: RunConfig) -> float:
 
 
 def run_evolution(config: RunConfig, n_workers: int) -> dict:
-    """Run `evolve` in a folder of its own; leave out the start of the workers."""
+    """Run `evolve` in a temporary folder; the start of the workers is not measured."""
     times = []
     with tempfile.TemporaryDirectory() as folder:
         run = RunFolder.create(Path(folder) / 'run', config)
@@ -71,7 +72,7 @@ def run_evolution(config: RunConfig, n_workers: int) -> dict:
 
 
 def memory(evaluations: int) -> list[dict]:
-    """Return the resident memory [MB] of parent and worker as evaluations go by."""
+    """Return the resident memory [MB] of parent and worker during a run."""
     config = config_of(evaluations, 0.5)
     rng, seen = np.random.default_rng(0), []
     with local_workers(1) as workers:
@@ -95,7 +96,7 @@ def resident(pid: int) -> float:
 
 
 def measure(quick: bool) -> dict:
-    """Measure one and two workers, in turns, and the memory of a long run."""
+    """Measure one and two workers, alternately, and the memory of a long run."""
     generations, duration = (4, 5.0) if quick else (9, 30.0)
     config = config_of(36 * generations, duration)
     batched = config_of(36 * generations * 6, duration, 'batched')

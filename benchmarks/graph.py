@@ -1,12 +1,12 @@
-"""The graph of real processes in lock-step beside real time: ratios first.
+"""Measures the speed of graphs of ROS nodes in lock-step, relative to real time.
 
     python -m benchmarks.graph [--quick] [--json FILE]
 
-Robots of random cells are brought up as `snca walk` does it, without recorder, in a ROS domain of
-their own. Rates come from the simulation's diagnostics, its own count at its own time; CPU time
-and memory from /proc. Latency, from one step's `odometry` to the next, is observed in a window of
-its own, since a listener costs the graph time. Start is from the command `snca walk` to the first
-step made. Nothing is left running.
+Robots with random cells are started as by `snca walk`, without recorder, in a separate ROS domain.
+Rates come from the simulation's diagnostics, its count of steps at its own time; CPU time and
+memory come from /proc. Latency, from the `odometry` of a step to the next, is measured in a
+separate window, since a listener slows the graph down. The start is the time from the command
+`snca walk` to the first step. All processes are stopped at the end.
 """
 
 import multiprocessing
@@ -45,7 +45,7 @@ _TICKS = os.sysconf('SC_CLK_TCK')
 
 
 class Observer:
-    """A node that listens to one graph after the other."""
+    """A node that listens to one graph after another."""
 
     def __init__(self) -> None:
         import rclpy
@@ -68,7 +68,7 @@ class Observer:
             self._steps[status.name] = stamp.sec + stamp.nanosec * 1e-9, made
 
     def spin_until(self, condition: Callable[[], object], seconds: float) -> None:
-        """Serve messages until a condition holds; TimeoutError."""
+        """Process messages until a condition is true; TimeoutError if it takes too long."""
         deadline = time.monotonic() + seconds
         while not condition():
             if time.monotonic() > deadline:
@@ -84,7 +84,7 @@ class Observer:
 
     @contextmanager
     def arrivals(self, robot: str, latched: bool) -> Iterator[list[tuple[float, int]]]:
-        """Collect (time [s], step) of the robot's odometry while the context lasts."""
+        """Collect (time [s], step) of the robot's odometry within the context."""
         from nav_msgs.msg import Odometry
         from rclpy.qos import DurabilityPolicy
 
@@ -107,7 +107,7 @@ class Observer:
 
     @contextmanager
     def newest_step(self, robot: str) -> Iterator[list[int]]:
-        """Give a list with the newest step of the robot's odometry while the context lasts."""
+        """Provide a list with the newest step of the robot's odometry within the context."""
         from nav_msgs.msg import Odometry
 
         from sim_node.ros.topics import stream_qos
@@ -207,7 +207,7 @@ def measure_case(path: Path, k: int, seconds: float) -> dict:
 
 
 def measure_start(path: Path, robot: str) -> float:
-    """Return the time from the command `snca walk` to the first step made [s]."""
+    """Return the time from the command `snca walk` to the first step [s]."""
     command = [sys.executable, '-m', 'snca_ros', 'walk', str(path), '--no-bag',
                '--duration', '30', '--robot', robot]
     with Observer() as observer, observer.arrivals(robot, latched=True) as seen:

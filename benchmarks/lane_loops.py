@@ -1,10 +1,11 @@
-"""The vector type of `sim_node.numerics.lanes` beside plain loops over lanes.
+"""Compares the vector type of `sim_node.numerics.lanes` with plain loops over lanes.
 
     python -m benchmarks.lane_loops [--quick] [--json FILE]
 
-A sweep over all springs of a group, W = 16, the innermost work of a step, written both ways: on
-values of lanes, and as a loop over lanes for LLVM to vectorise, once as it comes and once promised
-that its arrays do not overlap. All give the same bits. Rounds take turns; medians of CPU time.
+The task is a sweep over all springs of a group, W = 16, the inner loop of a step. It is written
+with values of lanes and as a loop over lanes, which LLVM vectorises, without and with the promise
+that arrays do not overlap. All versions give the same bits. Rounds alternate; the results are
+medians of CPU time.
 """
 
 import statistics
@@ -22,7 +23,7 @@ from sim_node.simulation import Simulation
 
 @compiled
 def by_type(group, springs, masses, n):
-    """Let every spring act `n` times, on values of lanes."""
+    """Apply every spring `n` times, with values of lanes."""
     for _ in range(n):
         for k in range(springs.shape[0]):
             a, b = group.spring_ends[k, 0], group.spring_ends[k, 1]
@@ -34,7 +35,7 @@ def by_type(group, springs, masses, n):
 
 
 def _loop(springs, a, b):
-    """Do what `solve_spring` does, for a spring (8, W) between masses (11, W), lane after lane."""
+    """Do the same as `solve_spring`, lane by lane, for a spring (8, W) between masses (11, W)."""
     for i in range(16):
         nx, ny, arm_a, arm_b = springs[0, i], springs[1, i], springs[2, i], springs[3, i]
         target, share = springs[6, i], springs[4, i]
@@ -62,7 +63,7 @@ def _sweeps(loop):
 
 
 def measure(quick: bool) -> dict:
-    """Return CPU time per spring and robot [ns] of each way."""
+    """Return the CPU time per spring and robot [ns] of each version."""
     robots = new_robots(Simulation('biped'), 16)
     start = np.random.default_rng(0)
     group, n = robots.group, 20 if quick else 200
@@ -91,7 +92,7 @@ def measure(quick: bool) -> dict:
 
 
 def table(figures: dict) -> str:
-    """Return the figures as text."""
+    """Return the measurements as text."""
     ns = figures['ns']
     lines = [f'{t / ns["vector type"]:6.2f} x   {t:6.2f} ns   {name}' for name, t in ns.items()]
     return '\n'.join([*lines, f'the same bits: {figures["same_bits"]}'])

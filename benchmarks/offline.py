@@ -1,11 +1,11 @@
-"""What an episode costs beside bare Munk2D stepping of the same space: ratios first.
+"""Measures the cost of an episode, relative to Munk2D stepping the same space.
 
     python -m benchmarks.offline [--quick] [--json FILE]
 
-Every figure is the median over rounds that take turns, in CPU time of one process. The bare cost
-is that of Munk2D with its own damped springs (the first physics), stepped from C to C through the
-rest lengths that the episode's cells set. The episode includes building its space, sensors, cells
-and rest lengths.
+Results are medians of CPU time over alternating rounds in one process. The cost of Munk2D alone is
+that of its own damped springs (the first physics), stepped from compiled code with the rest lengths
+that the cells of the episode set. The episode includes building its space, sensors, cells and rest
+lengths.
 """
 
 import statistics
@@ -17,7 +17,7 @@ from benchmarks.command import run_part
 from sim_node.model.sensing import sense_robot
 from sim_node.model.solver import Solver
 from sim_node.munk2d import c_functions as munk
-from sim_node.munk2d.engine import look, set_rest_lengths
+from sim_node.munk2d.engine import read_bodies, set_rest_lengths
 from sim_node.numerics.jit import compiled
 from sim_node.simulation import Simulation
 from snca_ros.cell.architecture import Architecture
@@ -41,7 +41,7 @@ EVERY_FAULT = (
 
 @compiled
 def bare_steps(world, actuation):
-    """Step the physics under (n_steps, n_voxels) actuation and nothing else."""
+    """Step only the physics, with (n_steps, n_voxels) actuation."""
     for k in range(actuation.shape[0]):
         set_rest_lengths(world, actuation[k])
         munk.space_step(world.space, world.dt)
@@ -59,22 +59,22 @@ def actuation_of(simulation: Simulation, controller: Controller, n_steps: int) -
 
 @compiled
 def sensor_steps(world, robot, n_steps):
-    """Read bodies and sensors and nothing else."""
+    """Read only bodies and sensors."""
     for k in range(n_steps):
-        look(world)
+        read_bodies(world)
         sense_robot(robot, world.masses, world.area_ratios, world.touching, k)
 
 
 @compiled
 def cell_steps(cells, neighbors, readings, actuation, n_steps):
-    """Step the cells and nothing else."""
+    """Step only the cells."""
     for k in range(n_steps):
         step_all(cells, neighbors, readings, k, actuation)
 
 
 @compiled
 def actuation_steps(world, actuation, n_steps):
-    """Set all rest lengths anew and nothing else."""
+    """Set only the rest lengths."""
     for k in range(n_steps):
         set_rest_lengths(world, actuation[k % 2])
 
@@ -127,7 +127,7 @@ def measure_case(shape: str, name: str, model: str, rounds: int, duration: float
 
 
 def measure_faults(rounds: int, duration: float) -> float:
-    """Return the cost of a biped's episode with every kind of fault, per one without."""
+    """Return the cost of a biped's episode with every kind of fault, relative to one without."""
 
     def episode(faults: Faults):
         simulation = Simulation('biped', **faults.of_body)
@@ -142,7 +142,7 @@ def measure_faults(rounds: int, duration: float) -> float:
 
 
 def measure(quick: bool) -> dict:
-    """Measure the paper's shapes with two kinds of cell, and robots of 5 to 100 voxels."""
+    """Measure the paper's shapes with two types of cell, and robots of 5 to 100 voxels."""
     rounds, duration = (3, 5.0) if quick else (7, EPISODE)
     return {
         'duration': duration,

@@ -1,4 +1,4 @@
-"""Measures the choices in the physics: prints the tables that docs/physics.md explains."""
+"""Measures alternatives of the physics and prints the tables that docs/physics.md explains."""
 
 import argparse
 import time
@@ -31,7 +31,7 @@ SHAPES = ('1', 'biped', 'comb', 'worm', '11-11', 'tripod', 'ball-5', 'box-5x5')
 
 
 class Watched(Simulation):
-    """A simulation with its space as pymunk's own objects."""
+    """A simulation whose space consists of pymunk objects."""
 
     backend: PymunkEngine
 
@@ -80,7 +80,7 @@ def energy(sim):
 
 
 def depth(sim):
-    """Return how far the deepest voxel corner right of the wall lies under the profile [m]."""
+    """Return the depth [m] of the deepest voxel corner right of the wall below the profile."""
     x, y = sim.world.corners[sim.world.corners[:, :, 0] > sim.terrain.start].T
     return (np.interp(x, sim.terrain.x, sim.terrain.y) - y).max(initial=-9.0)
 
@@ -98,7 +98,7 @@ def row(name, *cells):
 
 
 def costs(variants, default, rounds):
-    """Return CPU time relative to the default's, of the same run: best of interleaved rounds."""
+    """Return CPU time relative to that of the default, as the best of alternating rounds."""
     times = np.full((rounds, len(variants)), np.inf)
     for r, i in np.ndindex(times.shape):
         sim = new('biped', **variants[i])
@@ -252,7 +252,7 @@ GROUNDS = {'polygons': ground_of(0.0), 'polygons, r 0.2': ground_of(0.2),
 
 
 def slide(case, spacing, ground):
-    """Push a resting robot; return its way in 4 s and the largest loss of v_x in a step."""
+    """Push a resting robot; return its distance in 4 s and the largest loss of v_x in a step."""
     x = np.concatenate([[0.0], np.arange(10.0, 300.0, spacing), [300.0, 310.0]])
     terrain = Terrain('level', x, np.where((x < 10.0) | (x > 300.0), 100.0, 5.0))
     sim = new(case[0], terrain, ground=ground, friction=case[2])
@@ -301,14 +301,14 @@ def grounds(quick):
 
 
 def without_limits(*args):
-    """Return a body whose voxels may contract without end."""
+    """Return a body without contraction limits."""
     body = build_body(*args)
     kept = body.constraints.kinds != LIMIT
     return replace(body, constraints=Constraints(*(column[kept] for column in body.constraints)))
 
 
 def champion(quick):
-    """Let the bundled biped walk with a cheaper solver, from starts pushed by up to 1e-6."""
+    """Run the bundled biped with a cheaper solver, from starts pushed by up to 1e-6 m."""
     table('The evolved biped: v_x [m/s], mean, sd and range over pushed starts; cost of stepping',
           'solver | mean | sd | least | most | cost')
     cases = [(f'{i} iterations', Solver(1, i), build_body) for i in (3, 5, 7, 10, 20)]

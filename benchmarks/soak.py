@@ -1,11 +1,11 @@
-"""A long walk in lock-step while voxels are killed and started again: nothing leaks or vanishes.
+"""Runs a long walk in lock-step with random kills, and checks for leaks and missing messages.
 
     python -m benchmarks.soak [--minutes M] [--shape SHAPE] [--kill-every S] [--seed N]
 
-M minutes of simulated time, as fast as they go, recorded. At random moments a random voxel gets
-kill -9 and is started again. Afterwards every message that a step needs must be in the bag, or be
-one of the last of a killed voxel; memory and file descriptors of the processes that lived
-all the time must not have grown. Exit code 1 if one of that is not so.
+The walk of M minutes of simulated time runs as fast as possible and is recorded. At random moments
+a random voxel is killed (kill -9) and restarted. Afterwards every message that a step needs must be
+in the bag, except for the last messages of a killed voxel; memory and file descriptors of the
+processes that were not killed must not have grown. Otherwise the exit code is 1.
 """
 
 import argparse
@@ -43,7 +43,7 @@ _STAMP = struct.Struct('<4xiI')  # behind the head of a serialised message
 
 
 def walk(path: Path, bag: Path, minutes: float, kill_every: float, seed: int) -> dict:
-    """Let the robot walk; return kills, samples of memory, and the time taken."""
+    """Run the walk; return kills, samples of memory, and the time taken."""
     options = WalkOptions(
         robot=_ROBOT, duration=60.0 * minutes, bag=str(bag),
         simulation={'silence_limit': _LIMIT, 'start_limit': _LIMIT},
@@ -122,7 +122,7 @@ def count_steps(bag: Path, n_steps: int) -> dict[str, np.ndarray]:
 
 
 def account(counts: dict[str, np.ndarray], names: tuple[str, ...], kills: list[dict]) -> dict:
-    """Return how many messages came, came twice, were lost by a kill, and vanished.
+    """Return how many messages arrived, arrived twice, were lost by a kill, and are missing.
 
     Args:
         counts: as from `count_steps`.
@@ -147,7 +147,7 @@ def account(counts: dict[str, np.ndarray], names: tuple[str, ...], kills: list[d
 
 
 def growth(samples: list[dict]) -> dict[str, dict]:
-    """Return by process how its memory [MB] and open files went from settled to the end."""
+    """Return for each process its memory [MB] and open files after the start and at the end."""
     first = int(_WARM * len(samples))
     return {
         name: {
@@ -159,7 +159,7 @@ def growth(samples: list[dict]) -> dict[str, dict]:
 
 
 def soak(shape: str, minutes: float, kill_every: float, seed: int) -> dict:
-    """Run one soak in a ROS domain of its own; return its figures."""
+    """Run one soak test in a separate ROS domain; return its results."""
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     os.environ.update(graph_environment())
     with tempfile.TemporaryDirectory() as folder:
@@ -199,7 +199,7 @@ def table(result: dict) -> str:
 
 
 def main() -> int:
-    """Run the soak that the command line describes; return the exit code."""
+    """Run the soak test of the command line; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--minutes', type=float, default=30.0, help='of simulated time')
     parser.add_argument('--shape', default='worm')

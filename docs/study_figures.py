@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FIGURES = ROOT / 'docs' / 'figures'
 FIRST = ROOT / 'results' / 'first-physics'
 SHOWN = {
-    'first-physics/paper-main': (FIRST / 'paper', ('boxes', 'curves', 'frequency', 'luck')),
+    'first-physics/paper-main': (FIRST / 'paper', ('boxes', 'curves', 'frequency', 'variance')),
     'first-physics/paper-supplement': (FIRST / 'paper', ('medians',)),
     'strategies': (FIRST / 'strategies', ('curves',)),
 }

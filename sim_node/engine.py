@@ -1,9 +1,9 @@
-"""What a physics engine is: a class of a few methods, found by its name.
+"""The interface of physics engines, and the registry of engines.
 
-An engine steps one robot on one terrain; `sim_node.simulation.Simulation` does all else (checks,
-sensors, faults, noise) alike for every engine. To add one, derive from `Engine` and call
-`ENGINES.register`, see `sim_node.registry`.
-Nothing here, and nothing that asks for an engine by its name, imports an engine that is not used.
+An engine steps one robot on one terrain; `sim_node.simulation.Simulation` does the rest (checks,
+sensors, faults, noise) in the same way for all engines. To add an engine, derive from `Engine` and
+call `ENGINES.register`, see `sim_node.registry`. The module of an engine is imported only when the
+engine is used.
 """
 
 from abc import ABC, abstractmethod
@@ -20,7 +20,7 @@ from sim_node.registry import Registry
 
 
 class RobotArrays(Protocol):
-    """What an engine shows of its robot; an object of any type that has these arrays."""
+    """The state of a robot in its engine: an object of any type that has these arrays."""
 
     @property
     def masses(self) -> np.ndarray:
@@ -35,7 +35,7 @@ class RobotArrays(Protocol):
 
     @property
     def area_ratios(self) -> np.ndarray:
-        """Return each voxel's area, relative to that at rest, (n_voxels,)."""
+        """Return each voxel's area, relative to its area at rest, (n_voxels,)."""
 
     @property
     def touching(self) -> np.ndarray:
@@ -47,25 +47,25 @@ class RobotArrays(Protocol):
 
 
 class Engine(ABC):
-    """One robot on one terrain, stepped by some physics.
+    """A physics engine, which steps one robot on one terrain.
 
-    Args of the constructor, which need not put the robot down yet:
-        morphology: shape of the robot.
+    Args of the constructor (the robot is placed by `reset`):
+        morphology: morphology of the robot.
         terrain: the ground.
         material: physical constants.
         solver: sub-steps, iterations, physics; `self_collision` only if the class declares it.
         push: 0, or the seed of a pushed start, see `sim_node.model.body.pushed`.
 
     Attributes:
-        world: the robot as arrays, from the first `reset` on. `Simulation` reads them after each
-            call; the sensors read them, too.
+        world: the state of the robot, valid from the first `reset` on. `Simulation` and the sensors
+            read it after each call.
     """
 
     self_collision: ClassVar[bool] = False
     """Whether masses of the robot can collide with each other."""
 
     lanes: ClassVar[tuple[int, ...]] = (1,)
-    """How many robots may be stepped side by side, for whoever evaluates many; increasing."""
+    """Numbers of robots that can be stepped side by side in an evaluation, increasing."""
 
     world: RobotArrays
 
@@ -92,13 +92,13 @@ class Engine(ABC):
             step: number of the control step; the first after a reset is 1.
 
         Returns:
-            False if the physics diverged: the robot cannot go on before the next reset. Readings
-            that are not finite and areas beyond bounds are found by `Simulation`.
+            False if the physics diverged and the robot cannot continue before the next reset.
+            `Simulation` itself detects readings that are not finite and areas out of bounds.
         """
 
 
 DEFAULT_ENGINE = 'pymunk'
-"""The engine of whoever names none: the reference, which has everything that a solver asks for."""
+"""The default engine: the reference, which supports all options of the solver."""
 
 ENGINES = Registry[type[Engine]]('engine', {
     DEFAULT_ENGINE: 'sim_node.munk2d.engine:PymunkEngine',
@@ -108,14 +108,14 @@ ENGINES = Registry[type[Engine]]('engine', {
 
 
 def check_engine(name: str, solver: Solver) -> type[Engine]:
-    """Return the engine of that name if it can do what the solver asks for.
+    """Return the engine of that name, after a check that it supports the solver's options.
 
     Raises:
-        InvalidInput: there is no such engine, or it cannot.
+        InvalidInput: there is no such engine, or it does not support an option.
     """
     engine = ENGINES.find(name)
     if solver.self_collision and not engine.self_collision:
         able = next(other for other in ENGINES if ENGINES[other].self_collision)
-        expected = f'false with the {name} engine; the {able} engine has self-collision'
+        expected = f'false with the {name} engine; only the {able} engine has self-collision'
         raise InvalidInput('solver.self_collision', solver.self_collision, expected)
     return engine

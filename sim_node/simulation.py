@@ -1,7 +1,7 @@
-"""One robot on one terrain: `reset()` and `step(actuation)` give the voxels' sensor readings.
+"""One robot on one terrain: `reset()` and `step(actuation)` return the voxels' sensor readings.
 
-The physics is that of an engine, see `sim_node.engine`; checks, sensors, noise and faults are
-the same in each.
+An engine computes the physics, see `sim_node.engine`; checks, sensors, noise and faults are the
+same for all engines.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ from sim_node.model.terrain import DEFAULT_TERRAIN, Terrain, parse_terrain
 
 
 class Diverged(ArithmeticError):
-    """The physics left the finite numbers, or all bounds; the episode cannot go on."""
+    """The physics diverged: values are not finite or out of bounds. The episode cannot continue."""
 
 
 class Simulation:
@@ -38,22 +38,24 @@ class Simulation:
         terrain: terrain name or `Terrain`.
         material: physical constants.
         solver: sub-steps, iterations and self-collision.
-        sensor_noise, broken_sensors, broken_actuators, seed: what goes wrong, as in
-            `FaultsOfBody`, see docs/robustness.md; every `reset` starts it anew.
+        sensor_noise, broken_sensors, broken_actuators, seed: faults, see `FaultsOfBody` and
+            docs/robustness.md; `reset` restarts them.
         engine: name of a physics engine, one of `sim_node.engine.ENGINES`.
         push: 0, or the seed of a pushed start: every mass begins up to `sim_node.model.body.PUSH`
-            away from its place in x and in y. The closed loop is chaotic, so each push is another
-            walk of the same robot, and the mean over several says more than the one episode.
-        sensors: names of what each voxel senses, of `sim_node.model.sensors.SENSORS`.
+            away from its place in x and in y. The closed loop is chaotic, so each push leads to
+            another walk of the same robot, and a mean over several pushes describes the robot
+            better than one episode.
+        sensors: names of the sensors of each voxel, of `sim_node.model.sensors.SENSORS`.
 
     Attributes:
-        sensors: the names, in the order of the readings.
-        sensing: the sensors, as compiled code reads them.
-        engine: its name.
-        backend: the engine itself, which steps this robot.
+        sensors: names of the sensors, in the order of the readings.
+        sensing: state of the sensors, which compiled code reads.
+        engine: name of the engine.
+        backend: the engine, an `Engine`.
 
     Raises:
-        InvalidInput: a name or number is off, or the engine cannot do what the solver asks for.
+        InvalidInput: a name or number is invalid, or the engine does not support an option of the
+            solver.
     """
 
     def __init__(
@@ -94,9 +96,9 @@ class Simulation:
         self.reset()
 
     def reset(self) -> np.ndarray:
-        """Put a fresh robot down at rest and return its first readings, (n_voxels, n_sensors).
+        """Place the robot at rest and return its first readings, (n_voxels, n_sensors).
 
-        The same robot on the same terrain always repeats bit for bit.
+        With the same actuation, every episode from a reset on is the same, bit for bit.
         """
         self.backend.reset()
         self.step_count = 0
@@ -111,7 +113,7 @@ class Simulation:
 
         Raises:
             InvalidInput: `actuation` has another shape or is not finite.
-            Diverged: the physics is no longer finite.
+            Diverged: the physics diverged.
         """
         expected = f'{self.morphology.n_voxels} finite values'
         try:
@@ -136,17 +138,17 @@ class Simulation:
         return sense_robot(self.sensing, world.masses, world.area_ratios, world.touching, step)
 
     def disturbance(self, n_steps: int) -> Disturbance:
-        """Return what befalls the body in the next control steps."""
+        """Return the faults of the body in the next `n_steps` control steps."""
         return self._faults.draw(self.step_count, n_steps)
 
     @property
     def world(self) -> RobotArrays:
-        """Return the robot as the engine's arrays, which the next `step` or `reset` changes."""
+        """Return the state of the robot: arrays that the next `step` or `reset` overwrites."""
         return self.backend.world
 
     @property
     def readings(self) -> np.ndarray:
-        """Return the newest readings, (n_voxels, n_sensors), which the next step writes anew."""
+        """Return the newest readings, (n_voxels, n_sensors), which the next step overwrites."""
         return self.sensing.readings
 
     @property

@@ -1,12 +1,12 @@
-"""The cells of a modular soft robot, and all that trains, runs and studies them.
+"""Embodied neural cellular automata for modular soft robots: evolution, simulation, ROS 2 nodes.
 
-What a notebook or a script needs is here, see docs/python.md:
+The functions and classes for notebooks and scripts are here, see docs/python.md:
 
     import snca_ros as snca
     robot = snca.load('biped-U-nD-snn-h')
     episode = robot.run(10.0, record='spikes')
 
-Each name is loaded when it is first used: the import itself takes no time.
+Each name is imported when it is first used, so that `import snca_ros` is fast.
 """
 
 import importlib

@@ -1,4 +1,4 @@
-"""`python -m snca_ros`: the same as the `snca` command."""
+"""Runs the `snca` command as `python -m snca_ros`."""
 
 import sys
 

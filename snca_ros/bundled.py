@@ -1,4 +1,4 @@
-"""What comes with the package: config/ with its controllers, in a checkout or installed."""
+"""Files that come with the package: config/ with its controllers, in a checkout or installed."""
 
 import os
 import sys
@@ -10,9 +10,9 @@ DEFAULT_CONTROLLER = 'biped-U-nD-snn-h'
 
 
 def config_folders() -> list[Path]:
-    """Return the folders that hold config/, the checkout's before the installed ones.
+    """Return the possible paths of config/: that of the checkout, then those of installations.
 
-    The prefix that this package is installed into need not be Python's: `pip install --user`.
+    The prefix of the installation may differ from that of Python, as with `pip install --user`.
     """
     own = Path(__file__).resolve().parents[1]
     ament = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
@@ -22,13 +22,17 @@ def config_folders() -> list[Path]:
 
 
 def bundled_controllers() -> dict[str, Path]:
-    """Return the bundled controllers, name to file."""
+    """Return the files of the bundled controllers by name."""
     folders = [folder / 'controllers' for folder in config_folders()]
     return {p.stem: p for folder in reversed(folders) for p in sorted(folder.glob('*.npz'))}
 
 
 def find_controller(name: str) -> Path:
-    """Return the file of a controller named by its path, or by its name if it is bundled."""
+    """Return the file of a controller, given by its path or by the name of a bundled one.
+
+    Raises:
+        InvalidInput: there is no such file or name.
+    """
     bundled = bundled_controllers()
     if name in bundled and not Path(name).exists():
         return bundled[name]

@@ -1,4 +1,4 @@
-"""The `snca` command: it runs the command or node that is named first, and loads nothing else."""
+"""The `snca` command, which runs the sub-command or node that its first argument names."""
 
 import sys
 
@@ -9,14 +9,14 @@ from snca_ros.commands import COMMANDS, load_command
 from snca_ros.graph.executables import NODES, run_node
 
 EXAMPLES = """
-  snca walk                      # the bundled biped walks 30 s; bag, report, comparison
+  snca walk                      # a 30 s walk of the bundled biped, with bag and report
   snca evolve --engine batched --shape tripod --evaluations 3000 --run runs/tripod
   snca walk runs/tripod/best.npz
 """
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the command named first; return the exit code."""
+    """Run the command or node that the first argument names; return the exit code."""
     argv = sys.argv[1:] if argv is None else argv
     name = argv[0] if argv else '--help'
     if name in NODES:
@@ -34,7 +34,7 @@ def _run(name: str, argv: list[str]) -> int:
     check_name('command', name, [*COMMANDS, *NODES])
     module = load_command(name)
     parser = CommandParser(name, COMMANDS[name], module)
-    # `ros2 run` and `ros2 launch` may append --ros-args; a command that is no node ignores them.
+    # `ros2 run` and `ros2 launch` may append --ros-args, which only nodes use.
     if '--ros-args' in argv:
         argv = argv[: argv.index('--ros-args')]
     return module.run(parser.parse_args(argv), parser)

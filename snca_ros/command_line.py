@@ -1,4 +1,4 @@
-"""What all commands and nodes share: parsing options, loading their modules, ending on errors."""
+"""Command lines of commands and nodes: parsing options, importing modules, exit codes."""
 
 import argparse
 import importlib
@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 from sim_node.errors import InvalidInput, near_miss
 
 BAD_INPUT = 2
-"""The exit code when what a person gave is wrong."""
+"""The exit code after invalid input."""
 
 INTERRUPTED = 130
 """The exit code after Ctrl-C."""
@@ -22,9 +22,10 @@ class CommandParser(argparse.ArgumentParser):
     """Parses the options of a sub-command of `snca`.
 
     Args:
-        name: of the sub-command.
-        text: what it does.
-        module: declares the options by `add_arguments(parser)`; its `EXAMPLES` end the help.
+        name: name of the sub-command.
+        text: description of the sub-command.
+        module: its module: `add_arguments(parser)` declares the options, and the help ends with
+            `EXAMPLES`.
     """
 
     def __init__(self, name: str, text: str, module: ModuleType) -> None:
@@ -38,7 +39,7 @@ class CommandParser(argparse.ArgumentParser):
     def parse_args(  # type: ignore[override]  # one signature for argparse's three
         self, args: Sequence[str] | None = None, namespace: Any = None
     ) -> Any:
-        """Return the values of the options; what nobody has declared ends the process."""
+        """Return the values of the options; end the process if an argument is unknown."""
         parsed, unknown = self.parse_known_args(args, namespace)
         if unknown:
             known = [name for action in self._actions for name in action.option_strings]
@@ -47,15 +48,15 @@ class CommandParser(argparse.ArgumentParser):
         return parsed
 
     def error(self, message: str) -> NoReturn:
-        """End the process with one line."""
-        self.exit(BAD_INPUT, f'{self.prog}: error: {message}; {self.prog} --help tells all\n')
+        """End the process with an error of one line."""
+        self.exit(BAD_INPUT, f'{self.prog}: error: {message}; see {self.prog} --help\n')
 
 
 def exit_code(name: str, run: Callable[[], int]) -> int:
-    """Return the exit code of `run`; an error that a person can put right is one line.
+    """Call `run` and return its exit code; print errors of the user or the system as one line.
 
     Args:
-        name: of the command or node, for the error.
+        name: name of the command or node, for the error.
         run: returns the exit code.
     """
     try:
@@ -65,7 +66,7 @@ def exit_code(name: str, run: Callable[[], int]) -> int:
         return BAD_INPUT
     except KeyboardInterrupt:
         return INTERRUPTED
-    except BrokenPipeError:  # nobody reads on; what is still in the buffer goes nowhere
+    except BrokenPipeError:  # the reader has ended; discard the rest of the output
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except (BrokenExecutor, OSError) as error:  # a killed worker; a full disk, a folder gone
@@ -74,7 +75,7 @@ def exit_code(name: str, run: Callable[[], int]) -> int:
 
 
 def load_module(name: str) -> ModuleType:
-    """Return the module `name`; InvalidInput if it needs ROS and there is none."""
+    """Return the module `name`; InvalidInput if it needs ROS and ROS is not installed."""
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:

@@ -1,6 +1,6 @@
-"""All cells of a robot stepping together, one control step of delay between neighbours.
+"""All cells of a robot in one process: the offline equivalent of the voxel nodes.
 
-The offline twin of the voxel nodes.
+A message reaches the neighbours one control step after it was sent.
 """
 
 from typing import NamedTuple
@@ -18,7 +18,7 @@ _OPPOSITE = np.array(OPPOSITE)
 
 
 class FaultTables(NamedTuple):
-    """The faults of all cells at some control steps, a row for each."""
+    """The faults of all cells at some control steps, one row per step."""
 
     lost: np.ndarray  # (n_steps, n_voxels, 4) bool: messages from above, left, below, right
     dead: np.ndarray  # (n_steps, n_voxels) bool
@@ -27,7 +27,7 @@ class FaultTables(NamedTuple):
 
 @compiled
 def deliver(cells, neighbors, sent):
-    """Copy what each cell's neighbours have `sent` into its inbox; silence where there is none."""
+    """Copy the messages `sent` by each cell's neighbours into its inbox."""
     directional = sent.shape[1] > 1
     for i in range(neighbors.shape[0]):
         for d in range(neighbors.shape[1]):
@@ -41,15 +41,15 @@ def deliver(cells, neighbors, sent):
 
 @compiled
 def step_all(cells, neighbors, readings, step, actuation):
-    """Deliver what was sent and advance all cells by control step `step`; write `actuation`."""
+    """Deliver all messages and advance all cells by control step `step`; write `actuation`."""
     deliver(cells, neighbors, cells.outbox)
     step_cells(cells, 0, neighbors.shape[0], readings, step, actuation)
 
 
 @compiled
 def step_all_faulty(cells, neighbors, readings, step, actuation, faults, row):
-    """Do what `step_all` does, with what row `row` of the `faults` lets go wrong."""
-    sent = faults.sent[step % faults.sent.shape[0]]  # the oldest: it makes room for the newest
+    """Do what `step_all` does, with the faults in row `row` of the fault tables `faults`."""
+    sent = faults.sent[step % faults.sent.shape[0]]  # the oldest, overwritten by the newest below
     deliver(cells, neighbors, sent)
     for i in range(neighbors.shape[0]):
         for d in range(neighbors.shape[1]):
@@ -66,7 +66,7 @@ def step_all_faulty(cells, neighbors, readings, step, actuation, faults, row):
 def own_parameters(
     architecture: Architecture, parameters: np.ndarray, n_voxels: int, voxel: int
 ) -> np.ndarray:
-    """Return the (parameters_per_cell,) part of `parameters` that voxel number `voxel` runs.
+    """Return the part of `parameters` that the cell of a voxel uses, (parameters_per_cell,).
 
     Raises:
         InvalidInput: `parameters` is not a vector of architecture.n_parameters(n_voxels) numbers.
@@ -78,7 +78,7 @@ def own_parameters(
 def _rows(
     architecture: Architecture, parameters: np.ndarray, n_voxels: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return `parameters` as (n_rows, parameters_per_cell), and which row each voxel runs."""
+    """Return `parameters` as (n_rows, parameters_per_cell), and the index of each voxel's row."""
     parameters = np.asarray(parameters, dtype=np.float64)
     expected = architecture.n_parameters(n_voxels)
     if parameters.shape != (expected,):
@@ -91,14 +91,14 @@ class Controller:
     """All cells of a robot.
 
     Args:
-        architecture: what kind of cell.
-        morphology: whose voxels the cells control.
-        parameters: (n_parameters,) weights; of a non-uniform architecture cell after cell.
-        faults: of cells and links; those of the body are the simulation's.
+        architecture: architecture of the cells.
+        morphology: morphology of the robot.
+        parameters: (n_parameters,) weights; in a non-uniform architecture cell after cell.
+        faults: faults, of which those of cells and messages are applied here.
 
     Attributes:
-        cells: the cells, in the morphology's index order.
-        step_count: control steps made.
+        cells: the cells, in the morphology's order.
+        step_count: number of control steps since the reset.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class Controller:
             self._sent = np.zeros((faults.delay + 1, *self.cells.state.outbox.shape))
 
     def reset(self) -> None:
-        """Start afresh: no potential, no message, step 0."""
+        """Reset all cells, discard all messages, and set `step_count` to 0."""
         self.cells.reset()
         self.step_count = 0
         if self._faults:
@@ -129,7 +129,7 @@ class Controller:
         """Advance all cells by one control step.
 
         Args:
-            readings: (n_voxels, 4) in [0, 1].
+            readings: (n_voxels, n_sensors) in [0, 1].
 
         Returns:
             (n_voxels,) actuation in [-1, 1].
@@ -144,7 +144,7 @@ class Controller:
         return actuation
 
     def fault_tables(self, n_steps: int) -> FaultTables | None:
-        """Return what goes wrong in the next control steps; None if nothing ever does."""
+        """Return the faults in the next `n_steps` control steps; None if there are no faults."""
         if self._faults is None:
             return None
         voxels, first = range(self.morphology.n_voxels), self.step_count

@@ -1,6 +1,6 @@
-"""Controller files: trained parameters and all that is needed to run them again, in one .npz.
+"""Controller files (.npz): trained parameters and the data that is needed to run them.
 
-The body's part of the format is read by `sim_node.model.body_file`.
+The body part of the format is read by `sim_node.model.body_file`.
 """
 
 import functools
@@ -35,28 +35,29 @@ _FIELDS = (
     'format_version', 'architecture', 'morphology', 'terrain', 'material', 'solver',
     'fitness', 'seed', 'evaluations', 'versions', 'chosen_by', 'sensors', 'task', 'scores',
 )
-_FIELDS_1 = (*_FIELDS[:-3], 'v_x')  # of version 1: files of walks
+_FIELDS_1 = (*_FIELDS[:-3], 'v_x')  # version 1, whose task is walking
 
 
 @dataclass(frozen=True, repr=False)
 class TrainedController:
-    """What a controller file holds.
+    """The contents of a controller file.
 
     Attributes:
-        architecture: what kind of cells.
-        morphology: the robot that they were evolved for.
-        parameters: (n_parameters,) of the cells: weights, and what their neuron model adds.
-        terrain: name of the ground that they were evolved on.
-        material, solver: of the simulation that they were evolved in.
-        fitness: score of the episode by which evolution chose them, in the unit of the task.
-        chosen_by: the engine of that episode.
-        task: name of what they were evolved for, one of `snca_ros.evolution.tasks.TASKS`.
-        scores: of one episode in each engine that scored it, by the name of the engine.
-        seed, evaluations: of the run that found them.
-        versions: packages that were used, name to version, and 'code', see `code_version`.
+        architecture: architecture of the cells.
+        morphology: morphology of the robot.
+        parameters: (n_parameters,) evolved parameters of the cells, see `layers_of`.
+        terrain: name of the terrain of the evolution.
+        material, solver: options of the simulation of the evolution.
+        fitness: score of the episode by which evolution chose the controller, in the unit of the
+            task.
+        chosen_by: name of the engine of that episode.
+        task: name of the task of the evolution, one of `snca_ros.evolution.tasks.TASKS`.
+        scores: score of one episode in each engine, by the name of the engine.
+        seed, evaluations: seed and number of evaluations of the run.
+        versions: versions of the packages that were used, by name, and 'code', see `code_version`.
 
     Raises:
-        InvalidInput: this process knows no such task.
+        InvalidInput: the task is not registered in this process.
     """
 
     architecture: Architecture
@@ -91,7 +92,7 @@ class TrainedController:
         return f'{task.quantity} {task.in_unit(self.fitness)}'
 
     def controller(self, faults: Faults | None = None) -> Controller:
-        """Return all cells, ready to step."""
+        """Return a controller with all cells of the robot."""
         return Controller(self.architecture, self.morphology, self.parameters, faults)
 
     def simulation(
@@ -101,18 +102,19 @@ class TrainedController:
         push: int = 0,
         faults: Faults = NO_FAULTS,
     ) -> 'Simulation':
-        """Return the simulation of the body that the cells were evolved for, at its start.
+        """Return the simulation of the robot at its start.
 
         Args:
-            terrain: name of the ground; '' for the one that the cells were evolved on.
+            terrain: name of the terrain; '' for that of the evolution.
             engine: one of `sim_node.engine.ENGINES`.
-            push: 0, or the number of a pushed start, see `Simulation`.
-            faults: what goes wrong; those of the cells are given to `controller`.
+            push: 0, or the seed of a pushed start, see `Simulation`.
+            faults: faults, of which those of the body are applied; `controller` takes the others.
 
         Raises:
-            InvalidInput: a value is off.
+            InvalidInput: a value is invalid.
         """
-        from sim_node.simulation import Simulation  # not in voxel nodes: it loads pymunk
+        # Imported here, since it imports pymunk, which voxel nodes do not need.
+        from sim_node.simulation import Simulation
 
         return Simulation(
             self.morphology, terrain or self.terrain, material=self.material, solver=self.solver,
@@ -120,16 +122,17 @@ class TrainedController:
         )
 
 
-_CODE = 'sim_node', 'snca_ros'  # what of a checkout decides an episode's result
+_CODE = 'sim_node', 'snca_ros'  # folders of a checkout that determine the result of an episode
 
 
 @functools.cache
 def code_version() -> str:
-    """Return which code runs: the commit that last changed it, or the version of the package.
+    """Return the version of the code: the commit that last changed it, or the package version.
 
     In a git checkout it is the first 12 digits of the last commit that changed one of the two
-    packages, and '-dirty' if they are not as committed: commits of documents or results leave it as
-    it is. Elsewhere, or without git, it is the version of the package. A process asks once.
+    packages, with '-dirty' if they have changes that are not committed. Commits of documents or
+    results do not change it. Elsewhere, or without git, it is the version of the package. The
+    result is cached.
     """
     root = Path(__file__).resolve().parents[1]
     if (root / '.git').exists():
@@ -154,7 +157,7 @@ def code_version() -> str:
 
 @functools.cache
 def package_versions() -> dict[str, str]:
-    """Return the versions of the packages that decide an episode's result, and of the code."""
+    """Return the versions of the code and of packages that determine the result of an episode."""
     versions = {'code': code_version()}
     for name in ('snca_ros', 'numpy', 'numba', 'pymunk'):
         try:
@@ -193,8 +196,8 @@ def load_controller(path: Path | str) -> TrainedController:
     """Read and check the controller file at `path`.
 
     Raises:
-        InvalidInput: the file is missing, broken, pickled, of another version, or a field of it
-            is not what it should be; the text names file, field, value and expectation.
+        InvalidInput: the file is missing, damaged, pickled or of another version, or a field is
+            invalid; the error names file, field, value and expectation.
     """
     try:
         header, arrays = read_archive(Path(path), 'theta')
@@ -246,7 +249,7 @@ def _checked(header: dict, theta: np.ndarray) -> TrainedController:
         seed=_count(header, 'seed'),
         evaluations=_count(header, 'evaluations'),
         versions={str(k): str(v) for k, v in field_of(header, 'versions', dict).items()},
-        chosen_by=_engine(header.get('chosen_by', 'pymunk')),  # older files: none
+        chosen_by=_engine(header.get('chosen_by', 'pymunk')),  # missing in older files
         task=DEFAULT_TASK if is_old else field_of(header, 'task', str),
         scores=_scores(header.get('v_x', {}), 'v_x') if is_old
         else _scores(header.get('scores'), 'scores'),

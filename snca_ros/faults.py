@@ -1,7 +1,7 @@
-"""Faults as configuration: one description for offline episodes, walks and nodes.
+"""Faults of a robot: their description, and lost messages, late messages and dead cells.
 
-What breaks the body is done by `sim_node`; lost and late messages and the death of cells here.
-A fault of the same name and seed does the same in all of them.
+Faults of the body are in `sim_node.model.body_faults`. A fault with the same description and seed
+has the same effect in offline episodes, walks and nodes.
 """
 
 from dataclasses import dataclass, fields
@@ -19,39 +19,38 @@ from snca_ros.files import read_yaml
 
 @dataclass(frozen=True)
 class FaultsOfCells(Checked):
-    """What goes wrong in the links between cells and in the cells; by default nothing.
+    """Faults of the cells and of the messages between them; by default there are none.
 
     Raises:
-        InvalidInput: a value is off.
+        InvalidInput: a value is invalid.
     """
 
     loss: float = constant(
-        0.0, 0.0, 1.0,
-        'probability that a message is lost, per link and control step; a lost message is silence',
+        0.0, 0.0, 1.0, 'probability that a message between two cells is lost; it counts as zero',
     )
     delay: int = constant(
-        0, 0, 1000, 'control steps that every message takes, beyond the one that it always takes'
+        0, 0, 1000, 'control steps by which messages are delayed, besides the usual one'
     )
     death: str = text_value(
-        '', 'voxels that are limp (actuation 0) and silent for a time, and then start afresh',
+        '', 'voxels that are dead (actuation 0, no messages) for a time and are then reset',
         OUTAGE, parse_outage,
     )
 
 
 @dataclass(frozen=True)
 class Faults(FaultsOfBody, FaultsOfCells):
-    """What goes wrong in a robot; by default nothing.
+    """The faults of a robot; by default there are none.
 
-    Its fields are those of the body and of the cells: `loss`, `delay`, `death`, `broken_sensors`,
+    The fields are those of the cells and of the body: `loss`, `delay`, `death`, `broken_sensors`,
     `broken_actuators`, `sensor_noise` and `seed`.
 
     Raises:
-        InvalidInput: a value is off.
+        InvalidInput: a value is invalid.
     """
 
     @classmethod
     def from_dict(cls, values: object) -> 'Faults':
-        """Return the faults of a parsed YAML file; InvalidInput if a key or value is off."""
+        """Return the faults of a parsed YAML file; InvalidInput if a key or value is invalid."""
         if not isinstance(values, dict):
             raise InvalidInput('faults', values, 'names and values')
         check_keys('faults', values, [f.name for f in fields(cls)])
@@ -59,41 +58,41 @@ class Faults(FaultsOfBody, FaultsOfCells):
 
     @property
     def of_body(self) -> dict[str, Any]:
-        """Return what `Simulation` takes, and the simulation node as parameters."""
+        """Return the arguments of `Simulation`, also parameters of the simulation node."""
         return {f.name: getattr(self, f.name) for f in declared(FaultsOfBody)}
 
     @property
     def of_cells(self) -> dict[str, Any]:
-        """Return what a voxel node takes as parameters."""
+        """Return the parameters of a voxel node."""
         return {name: getattr(self, name) for name in FAULTS_OF_CELLS}
 
     @property
     def affect_cells(self) -> bool:
-        """Tell whether messages or cells are concerned at all."""
+        """Return whether there is a fault of cells or messages."""
         return self.loss > 0.0 or self.delay > 0 or self.death != ''
 
 
 NO_FAULTS = Faults()
 
 FAULTS_OF_CELLS = (*(f.name for f in declared(FaultsOfCells)), 'seed')
-"""The faults that a voxel node takes as parameters; their random numbers have the same seed."""
+"""Names of the faults that are parameters of a voxel node."""
 
 FAULTS_HELP = (
-    f'what goes wrong: name=value,... of {", ".join(f.name for f in declared(Faults))}, such as '
+    f'faults as name=value,... of {", ".join(f.name for f in declared(Faults))}, such as '
     'loss=0.3,death=0.5@10, or a YAML file; see docs/robustness.md'
 )
-"""How `parse_faults` reads a text, for the help of commands."""
+"""Help text of options that `parse_faults` reads."""
 
 
 def parse_faults(text: str) -> Faults:
     """Return the faults that `text` describes.
 
     Args:
-        text: `name=value` with commas between, such as `loss=0.3,death=0.5@10`; or the name of a
-            YAML file that holds the same names and values.
+        text: `name=value` separated by commas, such as `loss=0.3,death=0.5@10`; or the name of a
+            YAML file with the same names and values.
 
     Raises:
-        InvalidInput: naming the file, too, if it is one.
+        InvalidInput: the text or the file is invalid.
     """
     if '=' in text or not text:
         return Faults.from_dict(_pairs(text))
@@ -115,7 +114,7 @@ def _pairs(text: str) -> dict[str, str]:
 
 
 def _typed(name: str, value: object) -> Any:
-    """Return a value as its field has it: a number from a text, or the text of a number."""
+    """Return a value in the type of its field: a number from a string, or a string of a number."""
     kind = type(getattr(NO_FAULTS, name))
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
     if kind is str and is_number:
@@ -129,17 +128,17 @@ def _typed(name: str, value: object) -> Any:
 
 
 class CellFaults:
-    """The faults of a robot's cells and of the links between them, at any control step.
+    """The faults of a robot's cells and messages at given control steps.
 
     Args:
-        faults: what goes wrong.
-        morphology: of the robot.
+        faults: faults of the robot.
+        morphology: morphology of the robot.
 
     Attributes:
-        delay: control steps that every message takes longer.
+        delay: control steps by which every message is delayed.
 
     Raises:
-        InvalidInput: a voxel that shall die does not exist.
+        InvalidInput: a voxel named in `death` does not exist.
     """
 
     def __init__(self, faults: Faults, morphology: Morphology) -> None:
@@ -147,50 +146,54 @@ class CellFaults:
         self._loss, self._seed, self._squares = faults.loss, faults.seed, morphology.squares
         self._death = parse_outage('death', faults.death)
         if self._death:
-            self._mortal = self._death.victims(morphology, faults.seed, 'death')
+            self._affected = self._death.affected_voxels(morphology, faults.seed, 'death')
 
     def lost(self, voxel: int, first: int, n: int) -> np.ndarray:
-        """Return which messages to a voxel are lost, (n, 4) bool, at n steps from `first` on."""
+        """Return which messages to a voxel are lost at n steps from `first` on, (n, 4) bool."""
         if self._loss == 0.0:
             return np.zeros((n, len(DIRECTIONS)), dtype=bool)
         return uniform(self._seed, 'loss', self._squares[voxel], first, n) < self._loss
 
     def dead(self, voxel: int, first: int, n: int) -> np.ndarray:
-        """Tell at which of n control steps from `first` on a voxel is dead, (n,) bool."""
-        if self._death is None or not self._mortal[voxel]:
+        """Return at which of n control steps from `first` on a voxel is dead, (n,) bool."""
+        if self._death is None or not self._affected[voxel]:
             return np.zeros(n, dtype=bool)
         return self._death.covers(np.arange(first, first + n))
 
 
 class VoxelFaults:
-    """The faults of one voxel as its node meets them, step by step.
+    """The faults of one voxel in its node, applied step by step.
 
     Args:
-        faults: of the robot.
-        voxel: index of this one.
+        faults: faults of the robot.
+        voxel: index of the voxel.
     """
 
     def __init__(self, faults: CellFaults, voxel: int) -> None:
         self._faults, self._voxel = faults, voxel
-        self._on_the_way: dict[int, np.ndarray] = {}
+        self._delayed: dict[int, np.ndarray] = {}
 
     def reset(self) -> None:
-        """Start afresh: no message is on its way."""
-        self._on_the_way.clear()
+        """Discard all delayed messages."""
+        self._delayed.clear()
 
     def hear(self, step: int, inbox: np.ndarray) -> np.ndarray:
-        """Return what is heard at control step `step` when `inbox`, (4, ...), comes without delay.
+        """Return the inbox of control step `step` after delay and losses.
 
-        What a step that was left out would have heard stays unheard.
+        Messages of skipped steps are discarded.
+
+        Args:
+            step: control step.
+            inbox: (4, ...) messages that arrive at this step without delay.
         """
-        self._on_the_way[step] = inbox.copy()
+        self._delayed[step] = inbox.copy()
         due = step - self._faults.delay
-        heard = self._on_the_way.get(due, np.zeros_like(inbox))
-        for old in [k for k in self._on_the_way if k <= due]:
-            del self._on_the_way[old]
-        heard[self._faults.lost(self._voxel, step, 1)[0]] = 0.0
-        return heard
+        received = self._delayed.get(due, np.zeros_like(inbox))
+        for old in [k for k in self._delayed if k <= due]:
+            del self._delayed[old]
+        received[self._faults.lost(self._voxel, step, 1)[0]] = 0.0
+        return received
 
     def dead(self, step: int) -> bool:
-        """Tell whether the voxel is dead at control step `step`."""
+        """Return whether the voxel is dead at control step `step`."""
         return bool(self._faults.dead(self._voxel, step, 1)[0])

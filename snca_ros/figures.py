@@ -1,4 +1,4 @@
-"""Figures as files, and their legends."""
+"""Writing figures to files, and legends."""
 
 from pathlib import Path
 
@@ -11,10 +11,10 @@ from snca_ros.files import check_writable, write_atomically
 
 
 def check_figure(path: Path) -> str:
-    """Return the format that the suffix of `path` names.
+    """Return the file format for the suffix of `path`.
 
     Raises:
-        InvalidInput: it names none, or `path` cannot be written.
+        InvalidInput: the suffix is unknown, or `path` cannot be written.
     """
     kinds, kind = FigureCanvasBase.get_supported_filetypes(), path.suffix[1:].lower()
     if kind not in kinds:
@@ -24,7 +24,7 @@ def check_figure(path: Path) -> str:
 
 
 def write_figure(figure: Figure, path: Path) -> None:
-    """Write `figure` to `path`, atomically; its suffix tells the format.
+    """Write `figure` to `path`, atomically, in the format of its suffix.
 
     Raises:
         InvalidInput: `path` has an unknown suffix or cannot be written.
@@ -33,13 +33,18 @@ def write_figure(figure: Figure, path: Path) -> None:
     try:
         write_atomically(path, lambda file: figure.savefig(file, format=kind, dpi=120))
     except OSError as error:
-        raise InvalidInput('figure', f'{path}: {error.strerror}', 'a place to write') from None
+        shown = f'{path}: {error.strerror}'
+        raise InvalidInput('figure', shown, 'a file that can be written') from None
 
 
 def legend_above(axes: Axes, at: float = 1.01) -> None:
-    """Put the legend of a panel above it, from its upper left corner on.
+    """Place the legend of a panel above it, aligned with its left side.
 
-    `at` is the height, in heights of the panel. matplotlib before 3.7 has no legend of a figure
-    that panels make room for.
+    matplotlib before 3.7 does not reserve space for the legend of a figure, so the legend belongs
+    to a panel.
+
+    Args:
+        axes: the panel.
+        at: vertical position of the legend, relative to the height of the panel.
     """
     axes.legend(loc='lower left', bbox_to_anchor=(0.0, at), borderaxespad=0.0, fontsize=8)

@@ -1,4 +1,4 @@
-"""Files: written so that no reader sees half of one, folders held, YAML read, room for bags."""
+"""Files: atomic writing, locked folders, YAML, and free space for bags."""
 
 import contextlib
 import fcntl
@@ -14,22 +14,22 @@ import yaml
 from sim_node.errors import InvalidInput
 
 LOCK = '.lock'
-"""A file in a folder that one process at a time works on."""
+"""Name of the lock file in folders that only one process at a time may use."""
 
 RESERVE = 16_000_000
-"""Bytes that must stay free where a bag grows: more than it grows by in a second, and its end."""
+"""Bytes that must stay free for a bag: for more than a second of recording, and for closing it."""
 
 RUNS, RESULTS = Path('runs'), Path('results')
-"""Folders of runs and of the results of campaigns, unless others are given."""
+"""Default folders of runs and of the results of campaigns."""
 
 FIGURE, PAGE = 'report.png', 'replay.html'
-"""Files that are written into the folder of a bag or run, unless others are given."""
+"""Default names of files in the folder of a bag or run."""
 
 
 def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
-    """Create or replace `path` with what `write` puts into a binary file.
+    """Create or replace the file `path`; `write` writes its content into a binary file.
 
-    The file appears whole or, on any error or kill, not at all (the old one stays).
+    After an error or a kill, the old file is unchanged.
     """
     path = Path(path)
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f'.{path.name}.', suffix='.tmp')
@@ -52,10 +52,10 @@ def write_text(path: Path, text: str) -> None:
 
 
 def check_writable(field: str, path: Path) -> None:
-    """Check that `path` can be written, before the work whose result it is to hold.
+    """Check that the file `path` can be written, before its content is computed.
 
     Raises:
-        InvalidInput: it is a folder, or its folder is missing or closed to us; names `field`.
+        InvalidInput: it is a folder, or its folder is missing or not writable; names `field`.
     """
     reason = 'Is a directory' if path.is_dir() else ''
     if not reason:
@@ -68,25 +68,25 @@ def check_writable(field: str, path: Path) -> None:
 
 
 def reason_of(error: Exception) -> str:
-    """Return why a file could not be read, in one line and without its name."""
+    """Return the reason why a file could not be read, as one line without its name."""
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
     return ' '.join(str(error).split())
 
 
 def hold_folder(path: Path, what: str, wait: bool = False) -> TextIO:
-    """Hold the folder `path` against other processes until the file returned is closed.
+    """Lock the folder `path` against other processes until the returned file is closed.
 
-    What a process left half-written that was killed in it is cleared away.
+    Temporary files of processes that were killed are removed.
 
     Args:
-        path: of the folder, which exists.
-        what: it is, for the error.
-        wait: for a process that holds it.
+        path: path of an existing folder.
+        what: kind of the folder, for the error.
+        wait: whether to wait while another process holds the lock.
 
     Raises:
-        InvalidInput: another process holds it.
-        OSError: it cannot be written.
+        InvalidInput: another process holds the lock.
+        OSError: the folder cannot be written.
     """
     lock = (path / LOCK).open('w')
     try:
@@ -94,14 +94,14 @@ def hold_folder(path: Path, what: str, wait: bool = False) -> TextIO:
     except OSError:
         lock.close()
         expected = f'a {what} folder that no other process is working on'
-        raise InvalidInput(what, 'one in use', expected, str(path)) from None
+        raise InvalidInput(what, 'a folder in use', expected, str(path)) from None
     for left in path.rglob('.*.tmp'):
         left.unlink(missing_ok=True)
     return lock
 
 
 def read_yaml(path: Path, expected: str) -> Any:
-    """Return what the YAML file at `path` holds; InvalidInput if it cannot be read."""
+    """Return the content of the YAML file at `path`; InvalidInput if it cannot be read."""
     try:
         return yaml.safe_load(path.read_text())
     except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
@@ -109,10 +109,10 @@ def read_yaml(path: Path, expected: str) -> Any:
 
 
 def check_new_bag(folder: Path) -> None:
-    """Check that a bag can be made and has room to grow.
+    """Check that the folder of a bag can be created and that there is enough free space.
 
     Raises:
-        InvalidInput: the folder exists or cannot be made, or less than `RESERVE` is free.
+        InvalidInput: the folder exists or cannot be created, or less than `RESERVE` is free.
     """
     if folder.exists():
         raise InvalidInput('bag', str(folder), 'a folder that does not exist yet')
@@ -124,11 +124,11 @@ def check_new_bag(folder: Path) -> None:
         raise InvalidInput('bag', str(folder), expected) from None
     if (room := room_for(parent)) < RESERVE:
         expected = f'at least {RESERVE / 1e6:.0f} MB'
-        raise InvalidInput('bag', f'room for {room / 1e6:.1f} MB', expected, str(folder))
+        raise InvalidInput('bag', f'{room / 1e6:.1f} MB of free space', expected, str(folder))
 
 
 def room_for(path: Path) -> int:
-    """Return by how many bytes a file may grow, or a file made in a folder."""
+    """Return how many bytes a file can grow by, or a new file in a folder."""
     disk = os.statvfs(path)
     limit, _ = resource.getrlimit(resource.RLIMIT_FSIZE)
     free = disk.f_bavail * disk.f_frsize

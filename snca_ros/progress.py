@@ -1,4 +1,4 @@
-"""How far a long command is, on standard error."""
+"""Progress of long commands: status line, time left and text charts."""
 
 import math
 import shutil
@@ -14,9 +14,9 @@ def bars(values: np.ndarray, width: int, height: int = 1) -> list[str]:
     """Return a bar chart of numbers as `height` lines of text, the upper one first.
 
     Args:
-        values: (n,) numbers, n > 0; the lowest and what is not finite get the lowest bar.
-        width: characters; of more numbers some are left out, of fewer some repeated, evenly.
-        height: lines.
+        values: (n,) numbers, n > 0; the lowest and those that are not finite have the lowest bar.
+        width: number of characters; numbers are omitted or repeated evenly to fit.
+        height: number of lines.
     """
     shown = np.linspace(0, len(values) - 1, width).round().astype(int)
     values = np.where(np.isfinite(values), values, np.nan)[shown]
@@ -31,7 +31,11 @@ def bars(values: np.ndarray, width: int, height: int = 1) -> list[str]:
 
 
 class StatusLine:
-    """On a terminal one line that changes; elsewhere a line every so many seconds."""
+    """Progress on standard error: on a terminal a line that changes, else a line now and then.
+
+    Args:
+        every: seconds between lines, if standard error is not a terminal.
+    """
 
     def __init__(self, every: float = 60.0) -> None:
         self._every, self._shown = every, time.monotonic()
@@ -39,11 +43,16 @@ class StatusLine:
 
     @property
     def width(self) -> int:
-        """Return how many characters fit; 0 if this is no terminal."""
+        """Return how many characters fit on a line; 0 if standard error is not a terminal."""
         return shutil.get_terminal_size().columns - 1 if self._live else 0
 
     def show(self, text: str, last: bool = False) -> None:
-        """Show `text` if it is time to, or if it is the last; what does not fit is cut off."""
+        """Show `text`, cut to the terminal, if it is due or the last.
+
+        Args:
+            text: the line.
+            last: whether it is the last line.
+        """
         now = time.monotonic()
         if not (self._live or last or now - self._shown >= self._every):
             return
@@ -53,13 +62,18 @@ class StatusLine:
         print(f'\r\x1b[K{text}' if self._live else text, end=end, file=sys.stderr, flush=True)
 
     def clear(self) -> None:
-        """Make room for another line."""
+        """Remove the line from a terminal, so that other output can follow."""
         if self._live:
             print('\r\x1b[K', end='', file=sys.stderr, flush=True)
 
 
 class TimeLeft:
-    """Foretells the end of so many evaluations from their rate since it was made."""
+    """Estimates the time left of a number of evaluations from their rate so far.
+
+    Args:
+        total: number of evaluations.
+        done: number of evaluations that are done already.
+    """
 
     def __init__(self, total: int, done: int) -> None:
         self.total, self._before, self._start = total, done, time.monotonic()

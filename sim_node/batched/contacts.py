@@ -144,7 +144,8 @@ def _write_point(group, row, point, touch, normal, found, old, velocity):
     """Write a contact point, with the impulses of the old point that has the same key."""
     contacts, (nx, ny), (rx, ry, depth, key) = group.contacts, normal, found
     exists = depth <= 0.0
-    arm_n, arm_t = (rx * ny - ry * nx) * group.per_rho, (rx * nx + ry * ny) * group.per_rho
+    arm_n = (rx * ny - ry * nx) * group.inv_gyration_radius
+    arm_t = (rx * nx + ry * ny) * group.inv_gyration_radius
     v_n = velocity[0] * nx + velocity[1] * ny + velocity[2] * arm_n
     jn = select(old[0][0] == key, old[0][1], 0.0)
     jt = select(old[0][0] == key, old[0][2], 0.0)

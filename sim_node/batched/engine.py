@@ -1,4 +1,4 @@
-"""Robots of one shape on one terrain, side by side: reset, step, and what they sense."""
+"""The batched engine: robots of one shape on one terrain, stepped side by side in lanes."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_node.batched.contacts import find_contacts
-from sim_node.batched.outlines import look, look_and_sense
+from sim_node.batched.outlines import observe, observe_and_sense
 from sim_node.batched.state import Group, make_group, put_down
 from sim_node.batched.step import physics_step
 from sim_node.engine import Engine, check_engine
@@ -20,12 +20,12 @@ from sim_node.model.terrain import Terrain
 from sim_node.numerics.jit import compiled, compiled_part
 
 WIDTH = 16
-"""Robots in a group: two 512-bit registers of doubles, which hide each other's latency."""
+"""Default number of robots in a group: two 512-bit registers of doubles, to hide latency."""
 
 
 @compiled_part
 def _move(group, step):
-    """Let all robots act by `group.actuation` up to control step `step`; 0 is the start."""
+    """Apply `group.actuation` to all robots for control step `step`; step 0 is the start."""
     for i in range(group.actuation_lanes.shape[0]):
         for lane in range(group.actuation_lanes.shape[2]):
             a = group.actuation_lanes[i, 0, lane]
@@ -38,20 +38,20 @@ def _move(group, step):
 
 @compiled
 def move_group(group, step):
-    """Move all robots up to control step `step`, and look at their voxels."""
+    """Advance all robots to the end of control step `step` and observe their voxels."""
     _move(group, step)
-    look(group)
+    observe(group)
 
 
 @compiled
 def advance_group(group, sensing, step):
-    """Move all robots up to control step `step`, look at their voxels, and read their sensors."""
+    """Advance all robots to the end of control step `step` and read their sensors."""
     _move(group, step)
-    look_and_sense(group, sensing, step)
+    observe_and_sense(group, sensing, step)
 
 
 class OneRobot(NamedTuple):
-    """A group of one lane, as arrays without lanes; they share the group's memory."""
+    """The state of one robot as arrays without lanes, which share the memory of its group."""
 
     masses: np.ndarray  # (n_masses, 5) x, y, angle, v_x, v_y
     corners: np.ndarray  # (n_voxels, 4, 2) outer corners [m]
@@ -61,7 +61,7 @@ class OneRobot(NamedTuple):
 
 
 def one_robot(group: Group) -> OneRobot:
-    """Return what the first lane of a group holds."""
+    """Return the state of the robot in the first lane of a group."""
     return OneRobot(
         masses=group.mass_lanes[:, :5, 0],
         corners=group.corners['lane'][:, :, 0].reshape(-1, 4, 2),
@@ -72,29 +72,28 @@ def one_robot(group: Group) -> OneRobot:
 
 
 class Robots:
-    """W robots of one shape, alike but for what they are told to do.
+    """W robots of one shape, which differ only in their actuation.
 
-    What becomes of a robot depends on its own actuation alone, to the bit: neither on W, nor on
-    its place, nor on its companions.
+    The state of a robot depends only on its own actuation, to the bit: not on W, its lane or the
+    other robots.
 
     Args:
-        morphology: the shape of all.
-        terrain: where each stands alone.
+        morphology: morphology of the robots.
+        terrain: the ground; robots do not collide with each other.
         material: physical constants.
         solver: sub-steps and iterations.
         width: number of robots W.
-        push: of a `reset` that names none, as of `sim_node.model.body.pushed`: the same for all;
-            0 is none.
-        sensors: names of what each voxel senses, of `sim_node.model.sensors.SENSORS`.
+        push: default of `reset`: 0, or the seed of a pushed start, the same for all robots.
+        sensors: names of the sensors of each voxel, of `sim_node.model.sensors.SENSORS`.
 
     Attributes:
-        group: their state, which compiled code steps.
-        sensing: their sensors, which compiled code reads.
-        step_count: control steps made.
+        group: state of the robots, which compiled code steps.
+        sensing: sensors of the robots, which compiled code reads.
+        step_count: number of control steps since the reset.
 
     Raises:
-        InvalidInput: a sensor is unknown, or the solver asks for self-collision, which this engine
-            does not have.
+        InvalidInput: a sensor is unknown, or the solver has self-collision, which this engine
+            does not support.
     """
 
     def __init__(
@@ -117,11 +116,11 @@ class Robots:
         self.reset()
 
     def reset(self, push: int | None = None) -> None:
-        """Put all robots down at rest.
+        """Place all robots at rest.
 
         Args:
-            push: as of `sim_node.model.body.pushed`, the same for all; by default that of these
-                robots.
+            push: 0, or the seed of a pushed start, the same for all robots, see
+                `sim_node.model.body.pushed`; None for the `push` of the constructor.
         """
         put_down(self.group, pushed(self._body, self._push if push is None else push))
         self.step_count = 0
@@ -130,7 +129,7 @@ class Robots:
     def step(self, actuation: np.ndarray) -> np.ndarray:
         """Apply `actuation`, (n_voxels, W) in [-1, 1], for 1/60 s; return the new readings.
 
-        A robot that is no longer `sane` goes on with numbers that mean nothing.
+        The readings of robots that are no longer `sane` are meaningless.
         """
         self.group.actuation_lanes[:, 0] = actuation
         advance_group(self.group, self.sensing, self.step_count + 1)
@@ -144,18 +143,18 @@ class Robots:
 
     @property
     def sane(self) -> np.ndarray:
-        """Tell which robots' physics has not diverged, (W,)."""
+        """Return for which robots the physics has not diverged, (W,) bool."""
         return self.sensing.sane_lanes[0, 0] > 0.0
 
 
 class BatchedEngine(Engine):
-    """One of such robots, in a group of its own.
+    """The batched engine for one robot, a group with one lane.
 
     Attributes:
-        group: its state, of one lane.
+        group: state of the robot.
     """
 
-    lanes = (4, 8, 16)  # widths that are compiled when they are needed
+    lanes = (4, 8, 16)  # each width is compiled when it is first used
     world: OneRobot
 
     def __init__(
@@ -171,12 +170,12 @@ class BatchedEngine(Engine):
         self.world = one_robot(self.group)
 
     def reset(self) -> None:
-        """Put the robot down at rest."""
+        """Place the robot at rest."""
         put_down(self.group, self._body)
         move_group(self.group, 0)
 
     def step(self, actuation: np.ndarray, step: int) -> bool:
-        """Apply (n_voxels,) `actuation` up to control step `step`."""
+        """Apply `actuation`, (n_voxels,), for control step `step`."""
         self.group.actuation_lanes[:, 0, 0] = actuation
         move_group(self.group, step)
         return True

@@ -55,8 +55,8 @@ def prepare_joints(group):
         gap_y = (load(masses, b, Y) + by) - (load(masses, a, Y) + ay)
         store(welds, k, _BIAS_X, -group.bias * gap_x)
         store(welds, k, _BIAS_Y, -group.bias * gap_y)
-        ax, ay = ax * group.per_rho, ay * group.per_rho
-        bx, by = bx * group.per_rho, by * group.per_rho
+        ax, ay = ax * group.inv_gyration_radius, ay * group.inv_gyration_radius
+        bx, by = bx * group.inv_gyration_radius, by * group.inv_gyration_radius
         xx, yy = 2.0 + ay * ay + by * by, 2.0 + ax * ax + bx * bx
         xy = -(ax * ay + bx * by)
         inv_det = 1.0 / (xx * yy - xy * xy)

@@ -1,4 +1,4 @@
-"""What sensors read of a group beside its masses: the voxels' outlines, areas and touching."""
+"""The voxels' outlines, areas and contacts with the ground, which sensors read."""
 
 from sim_node.batched.state import COS, SIN, STAMP, X, Y
 from sim_node.model.sensing import begin_reading, end_reading, four_rows, measure_voxel
@@ -8,7 +8,7 @@ from sim_node.numerics.lanes import like, load, select, store
 
 
 @inlined_part
-def look_at(group, i):
+def _observe_voxel(group, i):
     """Write the corners of voxel i, its area ratio, and whether it touches the ground."""
     area = _outline(group.masses, group.corners, group.half, i) / group.rest_area
     store(group.area_ratios, i, 0, area)
@@ -17,21 +17,18 @@ def look_at(group, i):
 
 
 @compiled_part
-def look(group):
-    """Look at all voxels, see `look_at`."""
+def observe(group):
+    """Write the corners of all voxels, their area ratios, and whether they touch the ground."""
     for i in range(group.area_ratios.shape[0]):
-        look_at(group, i)
+        _observe_voxel(group, i)
 
 
 @compiled_part
-def look_and_sense(group, sensing, step):
-    """Look at all voxels, and read their sensors at control step `step`.
-
-    A voxel is sensed while its masses are still at hand: one pass over them instead of two.
-    """
+def observe_and_sense(group, sensing, step):
+    """Observe all voxels and read their sensors at control step `step`, in one pass over them."""
     begin_reading(sensing, step)
     for i in range(group.area_ratios.shape[0]):
-        look_at(group, i)
+        _observe_voxel(group, i)
         measure_voxel(sensing, step, i)
     end_reading(sensing)
 

@@ -100,7 +100,8 @@ def _update_geometry(group, k):
     length = math.sqrt(dx * dx + dy * dy)
     inv_length = select(length == 0.0, 0.0, 1.0 / length)
     nx, ny = dx * inv_length, dy * inv_length
-    arm_a, arm_b = (ax * ny - ay * nx) * group.per_rho, (bx * ny - by * nx) * group.per_rho
+    arm_a = (ax * ny - ay * nx) * group.inv_gyration_radius
+    arm_b = (bx * ny - by * nx) * group.inv_gyration_radius
     store(springs, k, _NX, nx)
     store(springs, k, _NY, ny)
     store(springs, k, _ARM_A, arm_a)

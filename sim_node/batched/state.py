@@ -1,9 +1,8 @@
-"""The state of a group: W robots of one shape on one terrain, side by side in the lanes.
+"""The state of a group: W robots of one shape on one terrain, one in each lane.
 
-All masses of a robot are alike. So impulses are counted per mass [m/s], and angular velocities
-times the radius of gyration, rho = sqrt(moment / mass) [m/s]: a unit impulse then changes a
-velocity by one along its direction, be it of translation or of rotation, and neither mass nor
-moment appears in the solver.
+All masses of a robot are equal. So impulses are stored per mass [m/s], and angular velocities are
+multiplied by the radius of gyration, sqrt(moment / mass) [m/s]. A unit impulse then changes a
+linear or an angular velocity by one, and neither mass nor moment appears in the solver.
 """
 
 import math
@@ -19,11 +18,11 @@ from sim_node.model.solver import Solver
 from sim_node.numerics.lane_array import zeros
 
 JOINT_ERROR = float(np.float32(1.0) - np.float32(0.1)) ** 60
-"""Share of an overlap or a joint's gap that Munk2D leaves after a second."""
+"""Share of an overlap or of a joint's gap that remains in Munk2D after a second."""
 
 BOX_GROWTH = float(np.float32(0.1))
-"""By how much of its size Munk2D widens a box of the broad phase on either side; and by how many
-seconds of motion."""
+"""Margin by which Munk2D enlarges a box of the broad phase on each side: this share of its size,
+and the motion in so many seconds."""
 
 N_SPRINGS, N_LIMITS = 18, 4
 """Springs and contraction limits of a voxel."""
@@ -35,19 +34,19 @@ N_CONTACT_FIELDS = 7 + 2 * 10  # these, and those of two points: see `contacts`
 
 
 class Group(NamedTuple):
-    """Everything that a step reads and writes; arrays of lanes are (rows, fields) of W each."""
+    """The data that a step reads and writes; items of lane arrays, (rows, fields), have W lanes."""
 
     substeps: int
     iterations: int
     implicit_springs: bool  # see `sim_node.model.physics`
     current_poses: bool
-    slop: float  # depth [m] of an overlap that contacts leave alone
+    slop: float  # depth [m] up to which contacts do not correct an overlap
     dt: float  # physics step [s]
     damping: float  # factor on all velocities per step
-    fall: float  # gravity's change of velocity per step [m/s]
-    bias: float  # of overlaps and gaps: velocity that mends them, per length [1/s]
+    fall: float  # change of velocity by gravity per step [m/s]
+    bias: float  # velocity that corrects an overlap or gap, per length of it [1/s]
     half: float  # half the side of a mass [m]
-    per_rho: float  # 1 over its radius of gyration [1/m]
+    inv_gyration_radius: float  # 1 over the radius of gyration of a mass [1/m]
     friction: float
     restitution: float
     rest_area: float  # of a voxel [m^2]
@@ -56,7 +55,7 @@ class Group(NamedTuple):
     spring_table: np.ndarray  # (n_springs, 10) see `_spring_rows`
     limit_ends: np.ndarray  # (n_limits, 2) masses
     limits_table: np.ndarray  # (n_limits,) least distance [m]
-    weld_ends: np.ndarray  # (n_welds, 2) masses, the same for 2 k and 2 k + 1
+    weld_ends: np.ndarray  # (n_welds, 2) masses, the same for welds 2 k and 2 k + 1
     weld_anchors: np.ndarray  # (n_welds, 4) [m]
     polygons: np.ndarray  # (n_polygons, 8) see `polygon_rows`
     left_sides: np.ndarray  # (n_polygons,) x [m], increasing
@@ -67,32 +66,32 @@ class Group(NamedTuple):
     masses: np.ndarray  # lanes (n_masses, 11)
     springs: np.ndarray  # lanes (n_springs, 8), see `springs`
     limits: np.ndarray  # lanes (n_limits, 4), see `joints`
-    active: np.ndarray  # (n_limits + n_voxels,) in some lane, per limit and per voxel
+    active: np.ndarray  # (n_limits + n_voxels,) limits, and voxels with limits, active in a lane
     welds: np.ndarray  # lanes (n_welds, 11)
     boxes: np.ndarray  # lanes (n_masses, 4) left, bottom, right, top of Munk2D's broad phase [m]
     contacts: np.ndarray  # lanes (n_masses * slots, ...), see `contacts`
     in_use: np.ndarray  # (n_masses * slots,) rows of `contacts` that some lane touches now
-    schedule: np.ndarray  # (n_masses * slots**2, 2) rows of `contacts` and whose turn it is
-    scheduled: np.ndarray  # (1,) how much of it is filled
-    deep: np.ndarray  # (1,) whether some lane has an overlap to mend
+    schedule: np.ndarray  # (n_masses * slots**2, 2) rows of `contacts` and the turn of each
+    scheduled: np.ndarray  # (1,) number of rows of the schedule in use
+    deep: np.ndarray  # (1,) whether some lane has an overlap to correct
 
     corners: np.ndarray  # lanes (n_voxels * 4, 2) outer corners [m]
     area_ratios: np.ndarray  # lanes (n_voxels, 1)
     touching: np.ndarray  # lanes (n_voxels, 1) 0.0 or 1.0
 
-    mass_lanes: np.ndarray  # (n_masses, 11, W) the floats of `masses`
-    actuation_lanes: np.ndarray  # (n_voxels, 1, W) the floats of `actuation`
+    mass_lanes: np.ndarray  # (n_masses, 11, W) `masses` as numbers, in the same memory
+    actuation_lanes: np.ndarray  # (n_voxels, 1, W) `actuation` as numbers
 
 
 def make_group(
     body: Body, ground: np.ndarray, material: Material, solver: Solver, width: int
 ) -> Group:
-    """Return `width` robots, which are still to be `put_down`.
+    """Return the state of `width` robots; `put_down` then places them.
 
     Args:
-        body: the robot's tables.
+        body: masses and constraints of the robot.
         ground: (n_polygons, 4, 2) corners [m], see `Terrain.polygons`.
-        material: of masses, contacts and world.
+        material: physical constants.
         solver: sub-steps and iterations.
         width: number of lanes W.
     """
@@ -114,7 +113,7 @@ def make_group(
         fall=material.gravity * dt,
         bias=(1.0 - JOINT_ERROR**dt) / dt,
         half=material.mass_side / 2.0,
-        per_rho=math.sqrt(material.mass / material.moment),
+        inv_gyration_radius=math.sqrt(material.mass / material.moment),
         friction=material.friction,
         restitution=material.restitution,
         rest_area=material.side**2,
@@ -149,7 +148,7 @@ def make_group(
 
 
 def put_down(group: Group, body: Body) -> None:
-    """Put all robots of the group down at rest, as if they had never moved."""
+    """Place all robots of the group at rest, in the initial state."""
     for array in group:
         if isinstance(array, np.ndarray) and array.dtype.fields:
             array['lane'] = 0.0
@@ -159,7 +158,7 @@ def put_down(group: Group, body: Body) -> None:
     group.mass_lanes[:, :2] = body.positions[:, :, None]
     group.mass_lanes[:, COS] = 1.0
     group.contacts['lane'][:, POLYGON] = -1.0
-    # Munk2D widens the box of a mass that does not move by a tenth of its size.
+    # Munk2D enlarges the box of a mass that does not move by a tenth of its size on each side.
     x, y = group.mass_lanes[:, X], group.mass_lanes[:, Y]
     reach = group.half * (1.0 + 2.0 * BOX_GROWTH)
     sides = x - reach, y - reach, x + reach, y + reach
@@ -167,10 +166,11 @@ def put_down(group: Group, body: Body) -> None:
 
 
 def _spring_rows(body: Body, springs: np.ndarray, dt: float, mass: float) -> np.ndarray:
-    """Return (n, 10): anchors [m], lengths at rest [m], stiffness and damping times dt over mass.
+    """Return the table of n springs, (n, 10).
 
-    The three lengths are those at full contraction, at rest and at full expansion. Last is the
-    softness of an implicit spring, gamma times the mass, see `springs`.
+    Its columns are: four of anchors [m]; the rest lengths [m] at full contraction, at rest and at
+    full expansion; stiffness and damping, each times dt over mass; the softness of an implicit
+    spring, gamma times the mass, see `springs`.
     """
     table = body.constraints
     pull, drag = table.stiffness[springs] * dt / mass, table.damping[springs] * dt / mass

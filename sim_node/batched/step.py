@@ -34,7 +34,7 @@ def physics_step(group):
     """
     group.step_count[0] += 1.0
     if not group.current_poses:
-        move_masses(group.masses, group.dt, group.per_rho)
+        move_masses(group.masses, group.dt, group.inv_gyration_radius)
         find_contacts(group)
     if group.implicit_springs:
         apply_gravity(group.masses, group.damping, group.fall)
@@ -50,7 +50,7 @@ def physics_step(group):
         solve_contacts(group)
         sweep(group)
     if group.current_poses:
-        move_masses(group.masses, group.dt, group.per_rho)
+        move_masses(group.masses, group.dt, group.inv_gyration_radius)
         find_contacts(group)
 
 

@@ -1,8 +1,8 @@
-"""What breaks in a robot: which voxels, from when to when, and how; all of it from one seed.
+"""Faults of a robot's body: sensor noise, broken sensors and broken actuators.
 
-Random numbers are counter-based: those of one voxel at one control step follow from the seed, a
-stream, the voxel's place and the step alone. So every node draws its own, and an offline episode
-draws the same.
+Random numbers are counter-based: those of a voxel at a control step depend only on the seed, the
+stream, the voxel's square and the step. So each node draws the numbers of its own voxel, and an
+offline episode draws the same numbers.
 """
 
 import math
@@ -20,20 +20,20 @@ from sim_node.model.sensing import add_noise
 from sim_node.numerics.jit import compiled
 
 BREAKAGES = ('zero', 'frozen', 'random')
-"""What a broken sensor or actuator gives (2D-VSR-Sim's): 0, its last value, or any."""
+"""Values of a broken sensor or actuator (as in 2D-VSR-Sim): 0, its last value, or random."""
 
 OUTAGE = (
     'VOXELS[@BEGIN[-END]], times in s, voxels as a share from 0 to 1 or as names joined by +, '
     'such as 0.5@10 or voxel_0_0+voxel_1_0@5-8'
 )
 BREAKAGE = f'{"|".join(BREAKAGES)}:{OUTAGE}'
-"""How `parse_outage` and `parse_breakage` are written."""
+"""Formats of `parse_outage` and `parse_breakage`."""
 
 STREAMS = ('broken_sensors', 'broken_actuators', 'death', 'loss')
-"""Faults that each have random numbers of their own."""
+"""Names of the streams of random numbers, one for each of these faults."""
 
 INTACT, HELD = math.nan, math.inf
-"""In a table of broken values: what is not broken, and what stays as it was."""
+"""Entries of a table of broken values: a part that is not broken, and one that keeps its value."""
 
 _NUMBER = r'\d+(?:\.\d*)?|\.\d+'
 _NAMES = r'voxel_\d+_\d+(?:\+voxel_\d+_\d+)*'
@@ -45,7 +45,7 @@ _PATTERN = re.compile(
 
 
 BLOCK = 4
-"""Random numbers of a voxel and control step that are drawn together."""
+"""Number of random numbers that are drawn together for a voxel and control step."""
 
 
 def uniform(
@@ -56,7 +56,7 @@ def uniform(
     Args:
         stream: one of `STREAMS`.
         square: (x, y) of the voxel.
-        block: 0 for the first four, 1 for the next; the numbers of one depend on no other.
+        block: 0 for the first four numbers, 1 for the next four; blocks are independent.
     """
     key = STREAMS.index(stream), *square, *((block,) if block else ())
     philox = np.random.Philox(np.random.SeedSequence(seed, spawn_key=key))
@@ -66,21 +66,21 @@ def uniform(
 
 @dataclass(frozen=True)
 class Outage:
-    """Some voxels fail for some time.
+    """The failure of some voxels for some time.
 
     Attributes:
-        voxels: their names, or the share of all voxels, which the seed picks.
-        begin, end: when [s].
+        voxels: names of the voxels, or a share of all voxels, which are chosen by the seed.
+        begin, end: begin and end of the failure [s].
     """
 
     voxels: tuple[str, ...] | float
     begin: float = 0.0
     end: float = math.inf
 
-    def victims(self, morphology: Morphology, seed: int, stream: str) -> np.ndarray:
+    def affected_voxels(self, morphology: Morphology, seed: int, stream: str) -> np.ndarray:
         """Return which voxels fail, (n_voxels,) bool; InvalidInput if one does not exist.
 
-        A larger share adds voxels to those of a smaller one: the seed gives their order.
+        A larger share contains the voxels of a smaller one: the seed defines their order.
         """
         chosen = np.zeros(morphology.n_voxels, dtype=bool)
         if isinstance(self.voxels, tuple):
@@ -94,7 +94,7 @@ class Outage:
         return chosen
 
     def covers(self, steps: np.ndarray) -> np.ndarray:
-        """Tell which control steps fall into the outage."""
+        """Return which control steps are within the outage, bool of the shape of `steps`."""
         begin, end = self.begin * CONTROL_RATE, self.end * CONTROL_RATE
         return (np.rint(begin) <= steps) & (steps < np.rint(end))
 
@@ -103,7 +103,7 @@ def parse_outage(field: str, text: str) -> Outage | None:
     """Return the outage that `text` describes, None for an empty text.
 
     Raises:
-        InvalidInput: naming `field`.
+        InvalidInput: the text is invalid; the error names `field`.
     """
     if text == '':
         return None
@@ -126,10 +126,10 @@ class Breakage:
 
 
 def parse_breakage(field: str, text: str) -> Breakage | None:
-    """Return what is broken as `text` says, 'KIND:' and an outage; None for an empty text.
+    """Return the breakage that `text` describes, 'KIND:' and an outage; None for an empty text.
 
     Raises:
-        InvalidInput: naming `field`.
+        InvalidInput: the text is invalid; the error names `field`.
     """
     if text == '':
         return None
@@ -143,19 +143,19 @@ def parse_breakage(field: str, text: str) -> Breakage | None:
 
 @dataclass(frozen=True)
 class FaultsOfBody(Checked):
-    """What goes wrong in a robot's body; by default nothing.
+    """Faults of a robot's body; by default there are none.
 
     Raises:
-        InvalidInput: a value is off.
+        InvalidInput: a value is invalid.
     """
 
     broken_sensors: str = text_value(
-        '', 'voxels whose readings are 0 (zero), stay as they were (frozen), or are any in [0, 1) '
-        '(random)', BREAKAGE, parse_breakage,
+        '', 'voxels whose readings are 0 (zero), keep their last values (frozen), or are random '
+        'in [0, 1) (random)', BREAKAGE, parse_breakage,
     )
     broken_actuators: str = text_value(
-        '', 'voxels whose actuation is 0 (zero), stays as it was (frozen), or is any in [-1, 1) '
-        '(random)', BREAKAGE, parse_breakage,
+        '', 'voxels whose actuation is 0 (zero), keeps its last value (frozen), or is random in '
+        '[-1, 1) (random)', BREAKAGE, parse_breakage,
     )
     sensor_noise: float = constant(
         0.0, 0.0, 10.0, 'standard deviation of the normal noise that is added to readings'
@@ -164,7 +164,7 @@ class FaultsOfBody(Checked):
 
 
 class _BrokenParts:
-    """The `n` sensors or actuators of each voxel that break, with values from `low` to 1."""
+    """The broken sensors or actuators of a robot, `n` per voxel, with values from `low` to 1."""
 
     def __init__(
         self, name: str, text: str, morphology: Morphology, seed: int, low: float, n: int
@@ -173,13 +173,14 @@ class _BrokenParts:
         self._name, self._morphology, self._seed, self._low = name, morphology, seed, low
         self._breakage = parse_breakage(name, text)
         if self._breakage:
-            victims = self._breakage.outage.victims(morphology, seed, name)
-            self._victims = np.flatnonzero(victims)
+            affected = self._breakage.outage.affected_voxels(morphology, seed, name)
+            self._affected = np.flatnonzero(affected)
 
     def table(self, first: int, n: int) -> np.ndarray:
-        """Return what is there instead, (n, n_voxels, n_parts), at n control steps from `first` on.
+        """Return the table of broken values at n control steps from `first` on.
 
-        That is `INTACT`, `HELD` or a value; (n, 0, n_parts) if nothing ever breaks.
+        Returns:
+            (n, n_voxels, n_parts) `INTACT`, `HELD` or a value; (n, 0, n_parts) if nothing breaks.
         """
         if self._breakage is None:
             return np.empty((n, 0, self._n_parts))
@@ -187,9 +188,9 @@ class _BrokenParts:
         broken = self._breakage.outage.covers(np.arange(first, first + n))
         if self._breakage.kind != 'random':
             value = 0.0 if self._breakage.kind == 'zero' else HELD
-            table[np.ix_(broken, self._victims)] = value
+            table[np.ix_(broken, self._affected)] = value
         elif broken.any():
-            for i in self._victims:
+            for i in self._affected:
                 square = self._morphology.squares[i]
                 u = np.concatenate([
                     uniform(self._seed, self._name, square, first, n, block)
@@ -200,16 +201,16 @@ class _BrokenParts:
 
 
 class Disturbance(NamedTuple):
-    """What befalls a robot's body at n control steps, a row for each; a part may be empty."""
+    """The faults of a robot's body at n control steps, one row per step; arrays may be empty."""
 
-    actuators: np.ndarray  # (n, n_voxels) or (n, 0) `INTACT`, `HELD` or the actuation instead
-    noise: np.ndarray  # (n, n_voxels or 0, n_sensors) to add to the readings of the next step
+    actuators: np.ndarray  # (n, n_voxels or 0) `INTACT`, `HELD` or the actuation instead
+    noise: np.ndarray  # (n, n_voxels or 0, n_sensors) added to the readings after the step
     sensors: np.ndarray  # (n, n_voxels or 0, n_sensors) `INTACT`, `HELD` or the reading instead
 
 
 @compiled
 def break_values(values, instead, before):
-    """Put in place what a row of a table holds `instead`, or for HELD the value `before`."""
+    """Replace values by those of a table row `instead`, HELD ones by the values `before`."""
     for i in np.ndindex(instead.shape):
         if instead[i] == HELD:
             values[i] = before[i]
@@ -219,7 +220,14 @@ def break_values(values, instead, before):
 
 @compiled
 def disturb_readings(readings, before, disturbance, row):
-    """Add noise to (n_voxels, n_sensors) readings; break sensors, which had the values `before`."""
+    """Add noise to (n_voxels, n_sensors) readings and replace those of broken sensors.
+
+    Args:
+        readings: (n_voxels, n_sensors) new readings, modified.
+        before: (n_voxels, n_sensors) previous readings, for frozen sensors.
+        disturbance: the faults.
+        row: row of the `disturbance`.
+    """
     add_noise(readings, disturbance.noise[row])
     break_values(readings, disturbance.sensors[row], before)
 
@@ -228,12 +236,12 @@ class BodyFaults:
     """Sensor noise, broken sensors and broken actuators of one robot, drawn step by step.
 
     Args:
-        morphology: of the robot.
-        faults: what goes wrong.
-        n_sensors: of each voxel. What befalls the first four depends on no further ones.
+        morphology: morphology of the robot.
+        faults: its faults.
+        n_sensors: sensors per voxel. Faults of the first four do not depend on further ones.
 
     Raises:
-        InvalidInput: a voxel that shall break does not exist.
+        InvalidInput: a voxel that is named in a fault does not exist.
     """
 
     def __init__(self, morphology: Morphology, faults: FaultsOfBody, n_sensors: int) -> None:
@@ -249,17 +257,17 @@ class BodyFaults:
         self.reset()
 
     def reset(self) -> None:
-        """Start anew, at control step 0."""
-        self._rngs = [  # one for each block of sensors; the first is that of the seed alone
+        """Reset the random numbers of the noise to control step 0."""
+        self._rngs = [  # one per block of sensors; the key of the first is empty
             np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=key))
             for key in [(), *((block,) for block in range(1, -(-self._n_sensors // BLOCK)))]
         ]
 
     def draw(self, step: int, n: int) -> Disturbance:
-        """Return what befalls actuation at `step` and n - 1 steps more, readings one step later.
+        """Return the faults of the actuation at n steps from `step` on, and of the readings after.
 
-        The noise goes on from the last call: drawn step by step or many steps at once, the
-        numbers are the same. Before the first step, `draw(-1, 1)` is for the first readings.
+        The noise continues from the last call: its numbers are the same whether drawn step by step
+        or many steps at once. `draw(-1, 1)`, before the first step, is for the first readings.
         """
         drawn = [rng.standard_normal((n, *self._noise_shape)) for rng in self._rngs]
         noise = self._sensor_noise * np.concatenate(drawn, axis=2)[..., : self._n_sensors]

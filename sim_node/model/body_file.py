@@ -1,7 +1,7 @@
-"""The body's part of a controller file: the robot and the simulation that it was evolved in.
+"""Reading the body part of a controller file: the robot and the simulation of its evolution.
 
-A controller file is an .npz archive with a JSON text, `header`, and arrays. The other part, the
-cells, is read by `snca_ros.controller_file`.
+A controller file is an .npz archive with a JSON text `header` and arrays. The rest of it, which
+describes the cells, is read by `snca_ros.controller_file`.
 """
 
 import json
@@ -20,7 +20,7 @@ from sim_node.model.solver import Solver
 from sim_node.model.terrain import parse_terrain
 
 FORMAT_VERSION = 2
-"""Of files that are written. Those of version 1 have no task, they are walks."""
+"""Version of new files. Files of version 1 have no field `task`: their task is walking."""
 
 _READABLE = (1, FORMAT_VERSION)
 _MAX_BYTES = 64 * 2**20
@@ -28,13 +28,13 @@ _MAX_BYTES = 64 * 2**20
 
 @dataclass(frozen=True)
 class BodyPart:
-    """What a controller file says of body and simulation.
+    """The body and the simulation in a controller file.
 
     Attributes:
-        morphology: the robot.
-        terrain: name of the ground.
-        material, solver: of the simulation; the solver names the physics.
-        sensors: names of what each voxel senses; the default ones in files that name none.
+        morphology: morphology of the robot.
+        terrain: name of the terrain.
+        material, solver: options of the simulation; the solver names the physics.
+        sensors: names of the sensors of each voxel; the default ones in files that name none.
     """
 
     morphology: Morphology
@@ -45,11 +45,11 @@ class BodyPart:
 
 
 def load_body(path: Path | str) -> BodyPart:
-    """Read and check the body's part of the controller file at `path`.
+    """Read and check the body part of the controller file at `path`.
 
     Raises:
-        InvalidInput: the file is missing, broken, pickled, of another version, or a field of this
-            part is not what it should be; the text names file, field, value and expectation.
+        InvalidInput: the file is missing, damaged, pickled or of another version, or a field of
+            this part is invalid.
     """
     try:
         header, _ = read_archive(Path(path))
@@ -60,7 +60,7 @@ def load_body(path: Path | str) -> BodyPart:
 
 
 def read_archive(path: Path, *arrays: str) -> tuple[dict, dict[str, np.ndarray]]:
-    """Return the header of a controller file and its arrays of these names, unchecked.
+    """Return the header of a controller file and the arrays of these names, unchecked.
 
     Raises:
         InvalidInput: the file is missing, too large, damaged or pickled, or lacks an entry.
@@ -88,7 +88,7 @@ def read_archive(path: Path, *arrays: str) -> tuple[dict, dict[str, np.ndarray]]
         raise InvalidInput('file', error.strerror or str(error), expected) from None
     except (ValueError, KeyError, EOFError, zipfile.BadZipFile, zipfile.LargeZipFile) as error:
         raise InvalidInput('file', str(error), expected) from None
-    except Exception as error:  # zlib.error and whatever else a damaged archive provokes
+    except Exception as error:  # zlib.error and other errors of damaged archives
         raise InvalidInput('file', f'{type(error).__name__}: {error}', expected) from None
 
 
@@ -113,7 +113,7 @@ def check_version(header: dict) -> None:
 
 
 def field_of(values: dict, name: str, kinds: type | tuple[type, ...], outer: str = '') -> Any:
-    """Return a field of a header, or of its part `outer`; InvalidInput if it is of no such type."""
+    """Return a field of a header, or of its part `outer`; InvalidInput if it has another type."""
     value = values.get(name)
     if not isinstance(value, kinds) or isinstance(value, bool):
         names = kinds.__name__ if isinstance(kinds, type) else ' or '.join(
@@ -124,7 +124,7 @@ def field_of(values: dict, name: str, kinds: type | tuple[type, ...], outer: str
 
 
 def body_of(header: dict) -> BodyPart:
-    """Return the body's part of a header; InvalidInput if a field of it is off."""
+    """Return the body part of a header; InvalidInput if one of its fields is invalid."""
     shape = field_of(header, 'morphology', dict)
     check_keys('morphology', shape, ('name', 'grid'))
     name = field_of(shape, 'name', str, 'morphology.')

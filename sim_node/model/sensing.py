@@ -1,8 +1,7 @@
-"""Reading sensors: one compiled function for one robot and for robots in lanes.
+"""Reading sensors, by the same compiled code for one robot and for robots in lanes.
 
-Whoever steps a robot hands over masses, area ratios and touching; what the sensors are is given by
-their names. Their measures are kept in ring buffers, a `window` of samples for each sensor of each
-voxel, and a reading is the mean of the samples that there are.
+The engine provides masses, area ratios and touching. Each sensor of each voxel has a ring buffer of
+`window` samples of its measure; a reading is the mean of the samples so far, mapped to [0, 1].
 """
 
 from collections.abc import Sequence
@@ -18,27 +17,27 @@ from sim_node.numerics.lane_array import zeros
 from sim_node.numerics.lanes import like, load, select, store
 
 X, Y, VX, VY = 0, 1, 3, 4
-"""Columns of masses, (n_masses, 5 or more): between them is the angle [rad]."""
+"""Columns of masses, (n_masses, 5 or more); column 2 is the angle [rad]."""
 
 
 class Sensing(NamedTuple):
-    """The sensors of W robots of one shape, what they read, and what they have read."""
+    """The sensors of W robots of one shape, with their inputs, samples and readings."""
 
-    sensors: tuple  # of `SENSORS`
-    windows: np.ndarray  # (n_sensors,) samples that are averaged
-    starts: np.ndarray  # (n_sensors,) where its ring buffer begins among those of a voxel
-    newest: np.ndarray  # (n_sensors,) where its newest sample is among those of a voxel
+    sensors: tuple  # sensors of a voxel, of `SENSORS`
+    windows: np.ndarray  # (n_sensors,) number of samples in the mean
+    starts: np.ndarray  # (n_sensors,) index of a ring buffer in the samples of a voxel
+    newest: np.ndarray  # (n_sensors,) index of the newest sample in the samples of a voxel
     masses: np.ndarray  # lanes (n_masses, 5 or more) x, y, angle, v_x, v_y
     area_ratios: np.ndarray  # lanes (n_voxels, 1)
     touching: np.ndarray  # lanes (n_voxels, 1) 0.0 or 1.0
     samples: np.ndarray  # lanes (n_voxels * sum of windows, 1)
     means: np.ndarray  # lanes (n_sensors * n_voxels, 1) of the samples, then the readings
     readings: np.ndarray  # lanes (n_voxels, n_sensors) in [0, 1]
-    sane: np.ndarray  # lanes (1, 1) 1.0, or 0.0 where the physics diverged
+    sane: np.ndarray  # lanes (1, 1) 0.0 where the physics diverged, else 1.0
 
-    mean_lanes: np.ndarray  # (n_sensors, n_voxels * W) the floats of `means`
-    reading_lanes: np.ndarray  # (n_voxels, n_sensors, W) the floats of `readings`
-    sane_lanes: np.ndarray  # (1, 1, W) the floats of `sane`
+    mean_lanes: np.ndarray  # (n_sensors, n_voxels * W) `means` as numbers, in the same memory
+    reading_lanes: np.ndarray  # (n_voxels, n_sensors, W) `readings` as numbers
+    sane_lanes: np.ndarray  # (1, 1, W) `sane` as numbers
 
 
 def make_sensing(
@@ -47,8 +46,8 @@ def make_sensing(
     """Return the sensors of W robots before the first reading.
 
     Args:
-        names: of the sensors of each voxel, in the order of the readings.
-        masses, area_ratios, touching: lanes as of `Sensing`, which are read from then on.
+        names: names of the sensors of each voxel, in the order of the readings.
+        masses, area_ratios, touching: lane arrays of the engine, see `Sensing`; they are shared.
 
     Raises:
         InvalidInput: a name is not one of `SENSORS`.
@@ -77,9 +76,9 @@ def make_sensing(
 
 
 class RobotSensing(NamedTuple):
-    """The sensors of one robot, and arrays without lanes that share memory with them."""
+    """The sensors of one robot, and arrays without lanes in the same memory."""
 
-    sensing: Sensing  # of one lane
+    sensing: Sensing  # with one lane
     masses: np.ndarray  # (n_masses, 5)
     area_ratios: np.ndarray  # (n_voxels,)
     touching: np.ndarray  # (n_voxels,)
@@ -87,7 +86,7 @@ class RobotSensing(NamedTuple):
 
 
 def sensing_of_one(names: Sequence[str], n_voxels: int) -> RobotSensing:
-    """Return the sensors of one robot of so many voxels, as of `make_sensing`."""
+    """Return the sensors of one robot of `n_voxels` voxels, before the first reading."""
     masses, ratios = zeros((4 * n_voxels, 5), 1), zeros((n_voxels, 1), 1)
     touching = zeros((n_voxels, 1), 1)
     sensing = make_sensing(names, masses, ratios, touching)
@@ -97,19 +96,19 @@ def sensing_of_one(names: Sequence[str], n_voxels: int) -> RobotSensing:
     )
 
 
-_measure = method('measure', 'Return what a sensor measures of a voxel, number or lanes.')
+_measure = method('measure', 'Return the measure of a sensor for a voxel, a number or lanes.')
 
 
 @inlined_part
 def begin_reading(sensing, step):
-    """Begin to read all sensors at control step `step`: 0, then one more each time."""
+    """Prepare to read all sensors at control step `step`, which begins at 0 and increases by 1."""
     for j in range(sensing.windows.shape[0]):
         sensing.newest[j] = sensing.starts[j] + step % sensing.windows[j]
 
 
 @inlined_part
 def measure_voxel(sensing, step, i):
-    """Measure voxel i, whose masses, area ratio and touching are those of now."""
+    """Store the measures of voxel i, and the means of its samples."""
     masses = sensing.masses
     voxel = Voxel(
         four_rows(masses, i, X), four_rows(masses, i, Y),
@@ -123,9 +122,9 @@ def measure_voxel(sensing, step, i):
 
 @inlined_part
 def end_reading(sensing):
-    """Write the readings of all voxels, and note in which lanes the physics diverged.
+    """Write the readings of all voxels, and `sane`: in which lanes the physics has not diverged.
 
-    It has where a reading is not finite or a voxel's area is beyond bounds (`MAX_AREA_RATIO`).
+    It has diverged if a reading is not finite or a voxel's area exceeds `MAX_AREA_RATIO`.
     """
     n_voxels, n_sensors = sensing.readings.shape
     _normalise_each(sensing.sensors, 0, sensing.mean_lanes)
@@ -141,7 +140,12 @@ def end_reading(sensing):
 
 @compiled
 def sense_robot(robot, masses, area_ratios, touching, step):
-    """Read the sensors of a `RobotSensing` whose state is in arrays of its engine.
+    """Read the sensors of one robot.
+
+    Args:
+        robot: `RobotSensing` of the robot.
+        masses, area_ratios, touching: arrays of its engine, which are copied.
+        step: control step.
 
     Returns:
         False if the physics diverged, see `end_reading`.
@@ -158,7 +162,7 @@ def sense_robot(robot, masses, area_ratios, touching, step):
 
 @inlined_part
 def four_rows(rows, i, field):
-    """Return, as lanes, a field of the four rows of voxel i: masses or corners."""
+    """Return a field of the four rows (masses or corners) of voxel i, as lanes."""
     j = 4 * i
     return (
         load(rows, j, field), load(rows, j + 1, field),
@@ -167,12 +171,14 @@ def four_rows(rows, i, field):
 
 
 def _measure_each(sensors, j, sensing, first, voxel):
-    """Keep what `sensors`, which are those from number j on, measure of a voxel.
+    """Store the measures of the sensors from index j on for a voxel.
 
-    Compiled code takes the first, and calls itself with the others, which are another type.
+    The compiled code handles the first sensor and calls itself with the others; the recursion is
+    over types, since each sensor has its own.
 
     Args:
-        first: row of the samples at which those of this voxel begin.
+        sensors: the sensors from index j on.
+        first: first row of the voxel in the samples.
     """
     raise NotImplementedError('called by compiled code only')
 
@@ -191,7 +197,7 @@ def _compiled_measure_each(sensors, j, sensing, first, voxel):
 
 @inlined_part
 def _average(sensing, step, i, first):
-    """Write the means of voxel i's samples; those of the first steps are of what there is."""
+    """Write the means of voxel i's samples; in the first steps there are less than a window."""
     samples, n_voxels = sensing.samples, sensing.area_ratios.shape[0]
     for j in range(sensing.windows.shape[0]):
         start = first + sensing.starts[j]
@@ -203,10 +209,11 @@ def _average(sensing, step, i, first):
 
 
 def _normalise_each(sensors, j, means):
-    """Turn the means of `sensors`, which are those from number j on, into numbers in [0, 1].
+    """Map the means of the sensors from index j on to [0, 1].
 
     Args:
-        means: (n_sensors, n_voxels * W), written.
+        sensors: the sensors from index j on.
+        means: (n_sensors, n_voxels * W), modified.
     """
     raise NotImplementedError('called by compiled code only')
 
@@ -230,13 +237,13 @@ def _compiled_normalise_each(sensors, j, means):
 
 @compiled_kernel
 def _normalise_row(means, j, low, high):
-    for i in range(means.shape[1]):  # numbers, not lanes: of one robot, too, they fill vectors
+    for i in range(means.shape[1]):  # numbers, not lanes: they vectorise for one robot, too
         means[j, i] = soft_normalise(means[j, i], low, high)
 
 
 @compiled_kernel
 def _clip_row(means, j):
-    """Clip to [0, 1]; NaN stays NaN."""
+    """Clip the means of sensor j to [0, 1]; NaN stays NaN."""
     for i in range(means.shape[1]):
         mean = means[j, i]
         means[j, i] = 0.0 if mean < 0.0 else 1.0 if mean > 1.0 else mean

@@ -1,6 +1,6 @@
-"""A voxel's sensors by name: what each measures, and how measures become readings in [0, 1].
+"""The sensors of a voxel: what each measures, and how measures are mapped to [0, 1].
 
-A sensor is a named tuple of constants with a compiled method `measure`, written once for one robot
+A sensor is a named tuple of constants with a compiled method `measure`, which works for one robot
 and for robots in lanes; `sim_node.model.sensing` reads any selection of them. To add one, see
 docs/python.md.
 """
@@ -15,11 +15,11 @@ from sim_node.numerics.jit import compiled, compiled_inline, compiled_kernel
 from sim_node.registry import Registry
 
 MAX_AREA_RATIO = 100.0
-"""A voxel larger than this, relative to rest, has left all bounds."""
+"""Largest area of a voxel, relative to rest; beyond it the physics counts as diverged."""
 
 
 class Voxel(NamedTuple):
-    """What a sensor may read of its voxel at a control step: numbers or lanes."""
+    """The state of a voxel at a control step, as sensors read it: numbers or lanes."""
 
     x: tuple  # [m] of the masses NW, NE, SE, SW
     y: tuple  # [m]
@@ -31,9 +31,9 @@ class Voxel(NamedTuple):
 
 @compiled_inline
 def soft_normalise(value, low, high):
-    """Map [low, high] softly to [0, 1] (2D-VSR-Sim): tanh((2 u - 1) 2) / 2 + 1/2, u linear.
+    """Map a number or lanes softly from [low, high] to [0, 1] (2D-VSR-Sim).
 
-    A number or lanes.
+    The result is tanh((2 u - 1) 2) / 2 + 1/2 with u = (value - low) / (high - low).
     """
     u = (value - low) / (high - low)
     return tanh((2.0 * u - 1.0) * 2.0) / 2.0 + 0.5
@@ -79,7 +79,7 @@ class Area(NamedTuple):
 
 
 class Touch(NamedTuple):
-    """Share of the last control steps at which the voxel touched the ground (2D-VSR-Sim's)."""
+    """Share of the last control steps at which the voxel touched the ground (as 2D-VSR-Sim)."""
 
     window: int = 15  # 0.25 s
 
@@ -91,7 +91,7 @@ class Touch(NamedTuple):
 
 
 class VelocityAlong(NamedTuple):
-    """Velocity along the voxel's own x axis (paper, section 2.1; 2D-VSR-Sim's average)."""
+    """Velocity along the voxel's own x axis (paper, section 2.1; averaged as in 2D-VSR-Sim)."""
 
     window: int = 30  # 0.5 s
     low: float = -8.0  # [m/s]
@@ -106,7 +106,7 @@ class VelocityAlong(NamedTuple):
 
 
 class VelocityAcross(NamedTuple):
-    """Velocity along the voxel's own y axis (paper, section 2.1; 2D-VSR-Sim's average)."""
+    """Velocity along the voxel's own y axis (paper, section 2.1; averaged as in 2D-VSR-Sim)."""
 
     window: int = 30  # 0.5 s
     low: float = -8.0  # [m/s]
@@ -127,8 +127,8 @@ class SensorRegistry(Registry[Any]):
         """Add a sensor: a named tuple of numbers with a `window` and a compiled `measure`.
 
         Raises:
-            InvalidInput: it is none, or its class has the name of another sensor's class, by which
-                compiled code is told apart; or the name is taken.
+            InvalidInput: the object is no such tuple, the name is taken, or another sensor's class
+                has the same name (numba distinguishes compiled code by it).
         """
         if not isinstance(name, str) or not name.isidentifier():
             raise InvalidInput(self.kind, name, 'a name of letters, digits and _')
@@ -148,7 +148,7 @@ class SensorRegistry(Registry[Any]):
         for other in self._entries.values():
             if type(other) is not kind and type(other).__name__ == kind.__name__:
                 where = type(other).__module__
-                expected = f'a class not called {kind.__name__}, as one in {where} is'
+                expected = f'another class name: {where} has a sensor class of this name'
                 raise InvalidInput(field, kind.__name__, expected)
         super().register(name, thing)
 
@@ -165,14 +165,14 @@ SENSORS = SensorRegistry('sensors', {
 """Sensors by name."""
 
 DEFAULT_SENSORS = ('area', 'touch', 'velocity_x', 'velocity_y')
-"""The paper's (section 2.1), in the order of a robot's readings that names no others."""
+"""The paper's sensors (section 2.1), the default, in the order of the readings."""
 
 
 def check_sensors(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of the sensors of a voxel.
+    """Return names of sensors as a tuple.
 
     Raises:
-        InvalidInput: they are not a list of names of `SENSORS`, each once; the known ones are told.
+        InvalidInput: `names` is not a list of names in `SENSORS`, each once.
     """
     is_list = isinstance(names, (tuple, list)) and len(names) > 0
     if not is_list or len({*map(str, names)}) != len(names):
@@ -184,9 +184,10 @@ def check_sensors(names: Sequence[str]) -> tuple[str, ...]:
 
 @compiled_inline
 def twice_area(x, y):
-    """Return twice the area of a voxel from its corners' x and y, 4-tuples NW, NE, SE, SW.
+    """Return twice the area of a voxel.
 
-    Numbers or lanes.
+    Args:
+        x, y: coordinates [m] of the corners NW, NE, SE, SW; 4-tuples of numbers or lanes.
     """
     total = x[1] * y[0] - x[0] * y[1]
     total = total + (x[2] * y[1] - x[1] * y[2])
@@ -224,7 +225,7 @@ def outer_corners(masses, half_side, corners):
 
 @compiled
 def center_of_mass(masses):
-    """Return a robot's centre of mass (x, y) [m] from its (n_masses, 5) rows, all of one weight."""
+    """Return a robot's centre of mass (x, y) [m] from its (n_masses, 5) rows of equal masses."""
     x = y = 0.0
     for i in range(masses.shape[0]):
         x += masses[i, 0]

@@ -1,7 +1,7 @@
-"""One robot in pymunk: compiled code that steps its Munk2D space and reads its bodies.
+"""The pymunk engine: compiled code that steps a robot's Munk2D space and reads its bodies.
 
-`World` is what compiled code needs of them. `PymunkEngine` steps it from Python; whole episodes
-that are compiled take `move_disturbed`.
+`World` has the data of the compiled code. `PymunkEngine` steps it from Python; compiled episodes
+call `move_disturbed`.
 """
 
 from typing import NamedTuple
@@ -26,22 +26,22 @@ from sim_node.numerics.jit import compiled
 
 
 class World(NamedTuple):
-    """Everything that one control step reads and writes; arrays are shared, never copied."""
+    """The data that a control step reads and writes; arrays are shared, not copied."""
 
     space: int  # handles are pointers of Munk2D as integers
     bodies: np.ndarray  # (n_masses,) handles
     springs: np.ndarray  # (n_springs,) handles
     rest: np.ndarray  # (3, n_springs) rest lengths [m] contracted, at rest, expanded
-    actuation: np.ndarray  # (n_voxels,) as set in the springs now
+    actuation: np.ndarray  # (n_voxels,) that the springs have now
     dt: float  # physics step [s]
     substeps: int
     current_poses: bool  # bodies move at the end of a physics step, not at the start of the next
-    read_body: int  # addresses of the iterators that `look` hands to Munk2D
-    note_contact: int
+    read_body: int  # address of the callback that reads a body
+    note_contact: int  # address of the callback that checks for the ground
     batch: int  # handle of the body reader
-    filled: np.ndarray  # (1,) its fill count
+    filled: np.ndarray  # (1,) number of bodies that it has read
     masses: np.ndarray  # (n_masses, 5) x, y, angle, v_x, v_y
-    contact: np.ndarray  # (4,) ground's handle, touching flag, scratch
+    contact: np.ndarray  # (4,) the ground's handle, flag of touching it, scratch
     half_side: float  # of a mass [m]
     rest_area: float  # [m^2]
     polygons: np.ndarray  # (n_polygons, 8) of the ground, see `polygon_rows`
@@ -78,7 +78,7 @@ def step_physics(world):
 
 @compiled
 def _touches(world, voxel):
-    """Tell whether one of a voxel's masses touches the ground, at the poses that were read."""
+    """Return whether one of a voxel's masses touches the ground, at the poses in `masses`."""
     if world.current_poses:
         for i in range(4 * voxel, 4 * voxel + 4):
             if touches_ground(world.masses[i], world.half_side, world.polygons, world.left_sides):
@@ -91,7 +91,7 @@ def _touches(world, voxel):
 
 
 @compiled
-def look(world):
+def read_bodies(world):
     """Read the bodies: masses, corners, area ratios, and which voxels touch the ground."""
     world.filled[0] = 0
     munk.space_each_body(world.space, world.read_body, world.batch)
@@ -103,22 +103,27 @@ def look(world):
 
 @compiled
 def move(world, actuation):
-    """Step the physics by (n_voxels,) `actuation`, clipped to [-1, 1], and read the bodies."""
+    """Advance the physics by a control step and read the bodies.
+
+    Args:
+        actuation: (n_voxels,) clipped to [-1, 1].
+    """
     set_rest_lengths(world, actuation)
     for _ in range(world.substeps):
         step_physics(world)
-    look(world)
+    read_bodies(world)
 
 
 @compiled
 def move_disturbed(world, robot, actuation, step, disturbance, row):
-    """Move and read all sensors, as `Simulation.step` does with a body's faults and noise.
+    """Do what `Simulation.step` does: advance the physics with faults and read the sensors.
 
     Args:
-        robot: its sensors, a `sim_node.model.sensing.RobotSensing`.
-        actuation: written where actuators are broken.
+        robot: sensors of the robot, a `sim_node.model.sensing.RobotSensing`.
+        actuation: (n_voxels,) actuation; overwritten where actuators are broken.
         step: number of the control step.
-        disturbance: what befalls the body in this step, in its row `row`.
+        disturbance: faults of the body.
+        row: row of the `disturbance` for this step.
 
     Returns:
         False if the physics diverged, else True.
@@ -133,12 +138,12 @@ def move_disturbed(world, robot, actuation, step, disturbance, row):
 
 
 class PymunkEngine(Engine):
-    """The reference: one robot at a time, every scene.
+    """The reference engine, which supports all options of the solver.
 
     Attributes:
-        world: what compiled code reads and writes; anew at each `reset`, so that the same robot on
-            the same terrain always repeats bit for bit.
-        space: ground and robot since the last `reset`; `pymunk_view` shows it.
+        world: data of the compiled code. Each `reset` makes a new one, so that the same robot on
+            the same terrain repeats bit for bit.
+        space: Munk2D space with ground and robot, new at each `reset`; `pymunk_view` draws it.
     """
 
     self_collision = True
@@ -161,10 +166,10 @@ class PymunkEngine(Engine):
     def reset(self) -> None:
         """Build a space with the robot at rest, and read its bodies."""
         self.world = self._new_world()
-        look(self.world)
+        read_bodies(self.world)
 
     def step(self, actuation: np.ndarray, step: int) -> bool:
-        """Apply (n_voxels,) `actuation` up to control step `step`."""
+        """Apply `actuation`, (n_voxels,), for control step `step`."""
         move(self.world, actuation)
         return True
 
@@ -172,7 +177,7 @@ class PymunkEngine(Engine):
         n, m = self._n_voxels, self._material
         space = Space(self._body, self._ground, m, self._solver)
         reader = munk.BodyReader(len(space.bodies))
-        self.space, self._reader = space, reader  # keep alive what the handles point to
+        self.space, self._reader = space, reader  # keeps the objects of the handles alive
         return World(
             space=space.handle,
             bodies=space.bodies,

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sim_node.ros.delivery import Link
+from sim_node.ros.delivery import Delivery
 
 
 class Answers:
@@ -18,13 +18,13 @@ class Answers:
     Attributes:
         silent: names of the voxels that count as silent: no step waits for them, and their
             actuation is 0.
-        links: delivery statistics of each voxel.
+        deliveries: delivery statistics of each voxel.
     """
 
     def __init__(self, voxels: Sequence[str], hold: bool) -> None:
         self._voxels, self._hold = voxels, hold
         self.silent: set[str] = set()
-        self.links = [Link() for _ in voxels]
+        self.deliveries = [Delivery() for _ in voxels]
         self._actuation = np.zeros(len(voxels))
         self._awaited: dict[int, str] = {}
         self.restart(0.0)
@@ -33,8 +33,8 @@ class Answers:
         """Begin an episode at time `now` [s]: clear everything but `silent`."""
         self._actuation[:] = 0.0
         self._newest = [-1] * len(self._voxels)
-        for link in self.links:
-            link.restart()
+        for delivery in self.deliveries:
+            delivery.restart()
         self.restart_timeouts(now)
 
     def restart_timeouts(self, now: float) -> None:
@@ -64,7 +64,7 @@ class Answers:
         if in_time:
             del self._awaited[i]
         else:
-            self.links[i].note_late(sent)
+            self.deliveries[i].note_late(sent)
         if in_time or (self._hold and sent > self._newest[i]):
             self._actuation[i], self._newest[i], self._last_answer[i] = a, sent, now
             self.silent.discard(self._voxels[i])
@@ -72,8 +72,8 @@ class Answers:
 
     def close_step(self, step: int) -> np.ndarray:
         """Return the actuation to apply in this step, (n_voxels,) in [-1, 1]."""
-        for i, (voxel, link) in enumerate(zip(self._voxels, self.links, strict=True)):
-            link.close_step(step, i not in self._awaited)
+        for i, (voxel, delivery) in enumerate(zip(self._voxels, self.deliveries, strict=True)):
+            delivery.close_step(step, i not in self._awaited)
             if voxel in self.silent:
                 self._actuation[i] = 0.0
         return self._actuation

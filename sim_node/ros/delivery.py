@@ -1,10 +1,10 @@
-"""Delivery statistics of the links between nodes: messages on time, late, or lost."""
+"""Delivery statistics of messages between nodes: numbers on time, late, and lost."""
 
-_MEMORY = 1000  # missing messages per link that can still count as late
+_MEMORY = 1000  # missing messages per sender that can still count as late
 
 
-class Link:
-    """Delivery statistics of one link, which carries one message per control step.
+class Delivery:
+    """Delivery statistics of the messages of one sender, one message per control step.
 
     Attributes:
         on_time: number of messages that arrived before they were needed.
@@ -51,9 +51,9 @@ class Link:
         return {'on time': self.on_time, 'late': self.late, 'lost': self.lost}
 
 
-def link_figures(links: dict[str, Link]) -> dict[str, int]:
+def delivery_statistics(deliveries: dict[str, Delivery]) -> dict[str, int]:
     """Return the values for /diagnostics: `<topic> on time`, `<topic> late`, `<topic> lost`."""
     return {
         f'{topic} {outcome}': count
-        for topic, link in links.items() for outcome, count in link.counts().items()
+        for topic, delivery in deliveries.items() for outcome, count in delivery.counts().items()
     }

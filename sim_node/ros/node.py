@@ -21,7 +21,7 @@ from sim_node.numerics.jit import warm_up
 from sim_node.ros import topics
 from sim_node.ros.actuation_buffer import Answers
 from sim_node.ros.deadlines import Pace, StepTimes
-from sim_node.ros.delivery import link_figures
+from sim_node.ros.delivery import delivery_statistics
 from sim_node.ros.node_base import RosNode, run_nodes
 from sim_node.ros.parameters import options_of, simulation_of
 from sim_node.ros.publishers import Broadcast
@@ -243,14 +243,14 @@ class SimNode(RosNode):
             return DiagnosticStatus.WARN, f'step {step} waits for {missing}'
         return DiagnosticStatus.OK, f'running, step {step}'
 
-    def figures(self) -> Mapping[str, object]:
+    def statistics(self) -> Mapping[str, object]:
         """Return step times, missed deadlines and delivery statistics for /diagnostics."""
         missed = {'missed deadlines': self._pace.missed} if self._real_time else {}
-        links = {
-            ACTUATION.of(voxel): link
-            for voxel, link in zip(self._voxels, self._answers.links, strict=True)
+        deliveries = {
+            ACTUATION.of(voxel): delivery
+            for voxel, delivery in zip(self._voxels, self._answers.deliveries, strict=True)
         }
-        return {**self._times.summary(), **missed, **link_figures(links)}
+        return {**self._times.summary(), **missed, **delivery_statistics(deliveries)}
 
     def _serve_reset(self, request: Trigger.Request, response: Trigger.Response):
         if not self._begun:

@@ -194,7 +194,7 @@ class RosNode(Node):
         """Return (DiagnosticStatus level, one-line message); nodes override it."""
         return DiagnosticStatus.OK, 'running'
 
-    def figures(self) -> Mapping[str, object]:
+    def statistics(self) -> Mapping[str, object]:
         """Return further values for /diagnostics besides the counters; nodes override it."""
         return {}
 
@@ -205,7 +205,7 @@ class RosNode(Node):
         then, before = self._reported
         self._reported = now, steps
         rate = (steps - before) / max(now - then, 1e-3)
-        values = {**self.counters, 'steps per second': round(rate, 1), **self.figures()}
+        values = {**self.counters, 'steps per second': round(rate, 1), **self.statistics()}
         status = DiagnosticStatus(
             level=level, name=self.get_fully_qualified_name(), message=text,
             hardware_id=f'{platform.node()}:{os.getpid()}',

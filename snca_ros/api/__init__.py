@@ -1,1 +1,1 @@
-"""What `import snca_ros` offers, one module per subject; nothing else imports them."""
+"""The functions and classes of `import snca_ros`, one module per subject."""

@@ -1,4 +1,4 @@
-"""Assessment from Python: scores over terrains, starts and faults, as of `snca assess`."""
+"""Assessment from Python: scores over terrains, starts and faults, like `snca assess`."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -24,20 +24,20 @@ from snca_ros.evolution.tasks import Task
 from snca_ros.faults import NO_FAULTS, Faults
 
 DIMS = ('robot', 'faults', 'terrain', 'start')
-"""Names of the axes of scores."""
+"""Names of the axes of `Scores`."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scores:
-    """Scores of episodes by the robots' task, an array with names.
+    """Scores of episodes by the robots' task, an array with named axes.
 
-    `numpy.asarray` gives the bare numbers.
+    `numpy.asarray` returns `values`.
 
     Attributes:
         values: (n_robots, n_faults, n_terrains, n_starts); -inf where an episode diverged.
-        coords: names along each axis of `DIMS`: of the robots, the faults ('' is none), the
-            terrains, and the numbers of the starts, of which 0 is the exact one.
-        task: tells quantity and unit of the values.
+        coords: coordinates of each axis of `DIMS`: names of the robots, texts of the faults ('' for
+            none), names of the terrains, and numbers of the starts (0 is the exact one).
+        task: task of the robots, which has quantity and unit of the values.
     """
 
     values: np.ndarray
@@ -46,24 +46,24 @@ class Scores:
 
     @property
     def v_x(self) -> np.ndarray:
-        """Return the `values` of robots that walk [m/s]; InvalidInput if another quantity."""
+        """Return the `values` [m/s]; InvalidInput if their quantity is not v_x."""
         if self.task.quantity != 'v_x':
             raise InvalidInput('quantity', self.task.quantity, 'v_x; `values` has any quantity')
         return self.values
 
     @property
     def dims(self) -> tuple[str, ...]:
-        """Return the names of the axes; `xarray.DataArray(scores.values, scores.coords, DIMS)`."""
+        """Return the names of the axes, as for `xarray.DataArray(values, coords, dims)`."""
         return DIMS
 
     def sel(self, **names: object) -> np.ndarray:
-        """Return the part of `values` with these names, without their axes.
+        """Return the part of `values` at these coordinates, without their axes.
 
         Args:
-            names: by axis, such as terrain='flat', start=0.
+            names: a coordinate for each axis, such as terrain='flat', start=0.
 
         Raises:
-            InvalidInput: there is no such axis or name.
+            InvalidInput: there is no such axis or coordinate.
         """
         at: list = [slice(None)] * len(DIMS)
         for dim, name in names.items():
@@ -95,25 +95,25 @@ def assess(
     duration: float = EPISODE,
     workers: int = 1,
 ) -> Scores:
-    """Score robots by episodes, each by the task that it was evolved for, as `snca assess` does.
+    """Score robots in episodes by the task that they were evolved for, like `snca assess`.
 
     Args:
-        robots: one or several, of one task; whatever `load` takes will do.
-        terrains: names; None for the 16 unseen ones, or with faults for 'flat'.
-        starts: pushed starts beside the exact one; None for 0, or with faults for 9.
-        faults: what goes wrong, see docs/robustness.md. One number may be a range,
-            FROM..TO or FROM..TO..STEP, such as 'loss=0..0.9..0.1', which stands for several.
+        robots: one or several robots of one task, or arguments of `load`.
+        terrains: names of terrains; None for the 16 unseen ones, or with faults for 'flat'.
+        starts: number of pushed starts besides the exact one; None for 0, or with faults for 9.
+        faults: faults, see docs/robustness.md. One number may be a range, FROM..TO or
+            FROM..TO..STEP, such as 'loss=0..0.9..0.1', for several faults.
         engine: one of `sim_node.engine.ENGINES`, such as 'batched'.
-        duration: of an episode [s]; its first 5 s do not count.
-        workers: processes, see `evolve`; the result does not depend on it.
+        duration: duration of an episode [s]; the first 5 s are not scored.
+        workers: number of processes, see `evolve`; the result does not depend on it.
 
     Raises:
-        InvalidInput: a value is off.
+        InvalidInput: a value is invalid.
         BrokenExecutor: a worker process ended unexpectedly.
     """
     several = (robots,) if isinstance(robots, (Robot, str, Path)) else tuple(robots)
     loaded = [one if isinstance(one, Robot) else load(one) for one in several]
-    wrong = _all_faults(faults)
+    all_faults = _all_faults(faults)
     if terrains is None:
         terrains = UNSEEN_TERRAINS if faults is None else DEFAULT_TERRAIN
     grounds = (terrains,) if isinstance(terrains, str) else tuple(terrains)
@@ -124,25 +124,26 @@ def assess(
         parse_terrain(ground)
     for robot in loaded:
         check_engine(engine, robot.trained.solver)
-    for field, given in (('robots', loaded), ('terrains', grounds), ('faults', wrong)):
+    for field, given in (('robots', loaded), ('terrains', grounds), ('faults', all_faults)):
         if not given:
             raise InvalidInput(field, (), 'at least one')
     task = common_task([robot.trained for robot in loaded])
     trials = all_trials(
-        [robot.trained for robot in loaded], list(wrong.values()), grounds, engine, 1 + starts,
-        duration,
+        [robot.trained for robot in loaded], list(all_faults.values()), grounds, engine,
+        1 + starts, duration,
     )
     with worker_processes(workers) as opened:
         values = run_trials(opened, trials)
-    values = values.reshape(len(loaded), len(wrong), 1 + starts, len(grounds)).swapaxes(2, 3)
-    names = tuple(robot.name for robot in loaded), tuple(wrong), grounds, tuple(range(1 + starts))
-    return Scores(values, dict(zip(DIMS, names, strict=True)), task)
+    values = values.reshape(len(loaded), len(all_faults), 1 + starts, len(grounds)).swapaxes(2, 3)
+    names = tuple(robot.name for robot in loaded)
+    coords = names, tuple(all_faults), grounds, tuple(range(1 + starts))
+    return Scores(values, dict(zip(DIMS, coords, strict=True)), task)
 
 
 def _all_faults(
     faults: str | Faults | Iterable[str | Faults] | None
 ) -> dict[str, Faults]:
-    """Return all faults that are asked for, by name; a range stands for several."""
+    """Return the faults by their text, with ranges expanded."""
     if faults is None:
         return {'': NO_FAULTS}
     several = (faults,) if isinstance(faults, (str, Faults)) else tuple(faults)

@@ -1,4 +1,4 @@
-"""Evolution from Python: what the `evolve` command does."""
+"""Evolution from Python, like the command `snca evolve`."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,15 +20,15 @@ _COUNTS = 'generation', 'evaluations'
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EvolutionRun:
-    """A run of `evolve`, finished or on its way.
+    """A run of `evolve`, finished or not.
 
     Attributes:
-        path: its folder.
-        config: what it is.
+        path: folder of the run.
+        config: configuration of the run.
         best: the best robot so far.
         history: (n_generations,) structured array with the fields `generation`, `evaluations`
-            (spent so far), `best`, `median`, `worst` (of the generation) and
-            `best_so_far`, scores in the unit of the run's task, v_x [m/s] of a walk.
+            (spent so far), `best`, `median`, `worst` (of the generation) and `best_so_far`. Scores
+            are in the unit of the run's task, such as v_x [m/s].
     """
 
     path: Path
@@ -70,32 +70,35 @@ def evolve(
     as_printed: bool | None = None,
     sensors: tuple[str, ...] | None = None,
 ) -> EvolutionRun:
-    """Evolve a robot, as `snca evolve` does; None stands for the default of that command.
+    """Evolve a robot, like `snca evolve`; None stands for the default of that command.
 
-    The result does not depend on the workers, and a run that was stopped and resumed is one that
-    never stopped.
+    The result does not depend on the workers, nor on whether the run was stopped and resumed.
 
     Args:
         shape: name such as 'tripod', or a grid such as '1111-1001'.
-        architecture, neuron_model: what kind of cells, such as 'U-nD' and 'snn-h'.
-        run: the folder to write; None for runs/<what it is>.
-        resume: go on with the run in that folder, if there is one. Settings that are given must
-            be those of the run; a folder alone is enough.
-        workers: processes that evaluate. 1 needs none but this one; a script that asks for more
-            must do its work below `if __name__ == '__main__':`.
+        architecture, neuron_model: names of architecture and neuron model, such as 'U-nD' and
+            'snn-h'.
+        run: folder of the run; None for runs/<settings>.
+        resume: whether to continue the run in that folder, if there is one. Settings may be
+            omitted; those that are given must be those of the run.
+        workers: number of processes that evaluate; with 1 it is this process. A script with more
+            must call `evolve` below `if __name__ == '__main__':`.
         report: called with the run after every generation.
-        terrain, engine, physics: what the robots walk on, and in.
-        evaluations: episodes to spend.
-        seed: of all random numbers.
-        strategy, population, sigma: of the search.
-        task: what the score of an episode is, one of `snca_ros.evolution.tasks.TASKS`. Worker
-            processes know those of this project and of the modules named by SNCA_PLUGINS.
-        duration, transient: of an episode [s], and what its score ignores at the start [s].
-        n_c, hidden, as_printed, sensors: of the cells, see
+        terrain, engine, physics: names of terrain, engine and physics.
+        evaluations: total number of episodes.
+        seed: seed of all random numbers.
+        strategy, population, sigma: name of the strategy, and its parameters.
+        task: name of the task, which defines the score of an episode, one of
+            `snca_ros.evolution.tasks.TASKS`. Worker processes know the tasks of this project and of
+            the modules in SNCA_PLUGINS.
+        duration: duration of an episode [s].
+        transient: time at the start of an episode that is not scored [s].
+        n_c, hidden, as_printed, sensors: options of the cells, see
             `snca_ros.cell.architecture.Architecture`.
 
     Raises:
-        InvalidInput: a value is off, or the folder is in use, holds files, or another run.
+        InvalidInput: a value is invalid, or the folder is in use, is not empty, or holds another
+            run.
         BrokenExecutor: a worker process ended unexpectedly; the run is intact up to the last
             generation.
     """
@@ -108,38 +111,38 @@ def evolve(
     }
     given = {name: value for name, value in given.items() if value is not None}
 
-    def tell(progress: Progress) -> None:
+    def report_progress(progress: Progress) -> None:
         if report is not None:
-            report(_of(folder, progress))
+            report(_run_at(folder, progress))
 
     with worker_processes(workers) as opened:
         folder = _open(run, resume, given)
         try:
-            progress = offline.evolve(folder, opened, tell)
+            progress = offline.evolve(folder, opened, report_progress)
         finally:
             folder.close()
-    return _of(folder, progress)
+    return _run_at(folder, progress)
 
 
 def _open(run: str | Path | None, resume: bool, given: dict) -> RunFolder:
-    """Return the run folder that a call of `evolve` asks for."""
+    """Return the open run folder for the arguments of `evolve`."""
     config = RunConfig.named(**given)
-    config.new_strategy()  # refuses one that is not installed before there is a folder
+    config.new_strategy()  # raises InvalidInput if it is not installed, before mkdir
     path = RUNS / config.name if run is None else Path(run)
     if not (path / 'config.yaml').exists():
         return RunFolder.create(path, config)
     if not resume:
-        expected = 'a new or empty folder, or resume=True to go on with the run in it'
+        expected = 'a new or empty folder, or resume=True to continue the run in it'
         raise InvalidInput('run', str(path), expected)
     folder = RunFolder.resume(path)
     if given and folder.config != config:
         folder.close()
-        expected = f'{config.name}, as the other arguments have it'
+        expected = f'{config.name}, the run of the other arguments'
         raise InvalidInput('run', folder.config.name, expected, str(path))
     return folder
 
 
-def _of(folder: RunFolder, progress: Progress) -> EvolutionRun:
+def _run_at(folder: RunFolder, progress: Progress) -> EvolutionRun:
     kinds = [(name, np.int64 if name in _COUNTS else np.float64) for name in HISTORY]
     history = np.array([tuple(row) for row in progress.history], dtype=kinds)
     best = Robot(folder.best(progress), folder.path.resolve().name)

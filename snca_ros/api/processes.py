@@ -11,7 +11,7 @@ from snca_ros.evolution.workers import IN_PROCESS, Workers, local_workers
 
 @contextlib.contextmanager
 def worker_processes(n: int) -> Iterator[Workers]:
-    """Give `n` processes of this machine; 1 is this process itself.
+    """Provide `n` worker processes on this machine; 1 is this process itself.
 
     Raises:
         InvalidInput: `n` is not an integer from 1.
@@ -23,20 +23,20 @@ def worker_processes(n: int) -> Iterator[Workers]:
         yield IN_PROCESS
         return
     if _is_starting():
-        raise SystemExit(1)  # the process that the script started first says what to do
+        raise SystemExit(1)  # the parent process raises the error that explains it
     try:
         with local_workers(n) as workers:
             yield workers
     except BrokenExecutor as error:
         text = (
             'a worker process ended unexpectedly. Each worker imports the script that started it, '
-            "so a script must do its work below `if __name__ == '__main__':`. If it does, the "
-            'memory may be too small for so many workers. workers=1 needs no other process.'
+            "so a script must do its work below `if __name__ == '__main__':`. If it does, there "
+            'may be too little memory for so many workers. workers=1 needs no other process.'
         )
         raise BrokenExecutor(text) from error
 
 
 def _is_starting() -> bool:
-    """Tell whether this process is a worker that is importing the script of its parent."""
-    # multiprocessing sets this mark, and looks for it before it starts a process.
+    """Return whether this process is a worker that is importing the script of its parent."""
+    # multiprocessing sets this attribute, and checks it before it starts a process.
     return getattr(multiprocessing.current_process(), '_inheriting', False)

@@ -1,4 +1,4 @@
-"""A trained robot: load it, let it walk, save it."""
+"""A trained robot, which can be loaded, run and saved."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -21,11 +21,11 @@ from snca_ros.recording.offline import record_episode
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Robot:
-    """A body and the cells that were evolved for it; `load` and `evolve` return one.
+    """A trained robot: a body and the cells that were evolved for it, from `load` or `evolve`.
 
     Attributes:
-        trained: all that its controller file holds.
-        name: of the file or run, for people.
+        trained: the contents of its controller file.
+        name: name of the file or run, for display.
     """
 
     trained: TrainedController
@@ -33,12 +33,12 @@ class Robot:
 
     @property
     def morphology(self) -> Morphology:
-        """Return the body's shape."""
+        """Return the morphology of the body."""
         return self.trained.morphology
 
     @property
     def architecture(self) -> Architecture:
-        """Return what kind of cells it has."""
+        """Return the architecture of the cells."""
         return self.trained.architecture
 
     @property
@@ -48,7 +48,7 @@ class Robot:
 
     @property
     def terrain(self) -> str:
-        """Return the name of the ground that it was evolved on."""
+        """Return the name of the terrain on which it was evolved."""
         return self.trained.terrain
 
     def run(
@@ -65,26 +65,26 @@ class Robot:
 
         Args:
             duration: simulated time [s], from 1/60 to 3600.
-            record: arrays to keep beside `centers`: names of `readings`, `actuation`, `spikes`,
-                `values`, `corners` and `thresholds`, one of them, or 'all'.
-            terrain: name of the ground, such as 'hilly-1-10-0'; '' for the one it was evolved on.
-            faults: what goes wrong, such as 'loss=0.3,death=0.5@10', see docs/robustness.md.
+            record: arrays to record besides `centers`: one or several of 'readings', 'actuation',
+                'spikes', 'values', 'corners' and 'thresholds', or 'all'.
+            terrain: name of the terrain, such as 'hilly-1-10-0'; '' for that of its evolution.
+            faults: faults, such as 'loss=0.3,death=0.5@10', see docs/robustness.md.
             engine: one of `sim_node.engine.ENGINES`, such as 'batched'.
-            push: 0, or the number of a pushed start: another walk of the same robot.
+            push: 0, or the seed of a pushed start, which leads to another walk of the robot.
 
         Raises:
-            InvalidInput: a value is off. A physics that diverges is no error: see the episode's
-                `diverged`.
+            InvalidInput: a value is invalid. If the physics diverges, there is no error, but the
+                episode has `diverged` set.
         """
         _check_duration(duration)
-        names, wrong = names_to_record(record), as_faults(faults)
-        simulation = self.trained.simulation(terrain, engine, push, wrong)
+        names, given = names_to_record(record), as_faults(faults)
+        simulation = self.trained.simulation(terrain, engine, push, given)
         return record_episode(
-            simulation, self.trained.controller(wrong), duration, names, self.name
+            simulation, self.trained.controller(given), duration, names, self.name
         )
 
     def save(self, path: str | Path) -> None:
-        """Write the robot's controller file (.npz), which `load` and all commands read."""
+        """Write the robot's controller file (.npz), which `load` and the commands read."""
         try:
             save_controller(path, self.trained)
         except OSError as error:
@@ -102,14 +102,14 @@ class Robot:
 
 
 def load(controller: str | Path) -> Robot:
-    """Return the robot of a controller.
+    """Load a trained robot.
 
     Args:
-        controller: name of a bundled one such as 'biped-U-nD-snn-h', a controller file (.npz), or
-            the folder of a run of `evolve`, of which it is the best.
+        controller: name of a bundled controller such as 'biped-U-nD-snn-h', a controller file
+            (.npz), or the folder of a run of `evolve`, for its best robot.
 
     Raises:
-        InvalidInput: there is none, or it is broken; the text names file, field and expectation.
+        InvalidInput: there is no such file, or it is damaged or invalid.
     """
     folder = Path(controller)
     if (folder / 'config.yaml').exists():
@@ -119,7 +119,7 @@ def load(controller: str | Path) -> Robot:
 
 
 def as_faults(faults: str | Faults) -> Faults:
-    """Return the faults that a text describes; InvalidInput if it describes none."""
+    """Return `faults`, parsed if they are a text; InvalidInput if the text is invalid."""
     if isinstance(faults, Faults):
         return faults
     if not isinstance(faults, str):

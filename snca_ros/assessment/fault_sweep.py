@@ -1,4 +1,4 @@
-"""Scores against a fault that grows: mean and spread over starts."""
+"""Fault sweeps: scores of controllers as a function of the value of a fault."""
 
 import re
 from collections.abc import Sequence
@@ -13,8 +13,8 @@ from snca_ros.evolution.episode import EPISODE
 from snca_ros.faults import Faults, parse_faults
 
 COLUMNS = ('controller', 'faults', 'x', 'terrain', 'engine', 'start')
-"""Of the CSV, a row per episode, before the score, whose column is the task's quantity; x is the
-value of the fault that grows."""
+"""Columns of the CSV file, one row per episode; the last column is the score, named after the
+task's quantity. x is the value of the swept fault."""
 
 _NUMBER = r'\d+(?:\.\d+)?'
 _RANGE = re.compile(rf'({_NUMBER})\.\.({_NUMBER})(?:\.\.({_NUMBER}))?')
@@ -23,14 +23,14 @@ _MAX_VALUES = 1000
 
 @dataclass(frozen=True)
 class Sweep:
-    """A fault that grows.
+    """A sweep over the values of one fault.
 
     Attributes:
-        text: of the faults, with one number given as a range.
-        label: the same with x instead of the range.
-        values: what x is.
-        faults: for each value.
-        texts: of the faults, for each value.
+        text: text of the faults, in which one number is a range.
+        label: the text with x in place of the range.
+        values: the values of x.
+        faults: the faults for each value.
+        texts: the text of the faults for each value.
     """
 
     text: str
@@ -44,12 +44,12 @@ def parse_sweep(text: str) -> Sweep:
     """Return the sweep that `text` describes.
 
     Args:
-        text: as `parse_faults` reads it, but one number is FROM..TO or FROM..TO..STEP, such as
-            loss=0..0.9..0.1 or death=0..1@5. Without a step whole numbers grow by 1, others by a
-            tenth of the range.
+        text: as for `parse_faults`, but one number is FROM..TO or FROM..TO..STEP, such as
+            loss=0..0.9..0.1 or death=0..1@5. The default step is 1 for integers, else a tenth of
+            the range.
 
     Raises:
-        InvalidInput: there is no such range or not one, or a value is off.
+        InvalidInput: there is not exactly one range, or a value is invalid.
     """
     ranges = list(_RANGE.finditer(text))
     if len(ranges) != 1:
@@ -76,16 +76,16 @@ def sweep_trials(
     n_starts: int,
     duration: float = EPISODE,
 ) -> list[Trial]:
-    """Return the episodes of a sweep, by controller, value, start and terrain."""
+    """Return the episodes of a sweep, ordered by controller, value, start and terrain."""
     return all_trials(trained, sweep.faults, terrains, engine, n_starts, duration)
 
 
 def table(names: Sequence[str], sweep: Sweep, scores: np.ndarray) -> list[str]:
-    """Return mean and standard deviation over starts of each controller as lines of text.
+    """Return a table, as lines of text, of mean and standard deviation over starts.
 
     Args:
-        names: of the controllers.
-        sweep: what was done.
+        names: names of the controllers.
+        sweep: the sweep.
         scores: (n_controllers, n_values, n_starts).
     """
     lines = [f'{sweep.label}: mean and standard deviation over {scores.shape[2]} starts']

@@ -1,4 +1,4 @@
-"""Pictures of scores: on terrains, and against faults that grow."""
+"""Figures of scores: per terrain, and as a function of the value of a fault."""
 
 from collections.abc import Sequence
 
@@ -14,12 +14,12 @@ from snca_ros.figures import legend_above
 def draw_scores(
     controllers: Sequence[str], terrains: Sequence[str], scores: np.ndarray, task: Task
 ) -> Figure:
-    """Return a figure of scores per terrain: large dots exact starts, small ones pushed starts.
+    """Return a figure of scores per terrain; large dots are exact starts, small ones pushed starts.
 
     Args:
         controllers, terrains: their names.
         scores: (n_controllers, n_terrains, 1 + n_pushed).
-        task: what was scored.
+        task: task of the scores.
     """
     n = len(controllers)
     figure = Figure(figsize=(7.0, 1.6 + len(terrains) * (0.2 + 0.1 * n)), layout='constrained')
@@ -42,13 +42,13 @@ def draw_scores(
 def draw_sweeps(
     names: Sequence[str], sweeps: Sequence[Sweep], scores: Sequence[np.ndarray], task: Task
 ) -> Figure:
-    """Return a figure with a panel per sweep: mean score over starts, a standard deviation around.
+    """Return a figure with a panel per sweep: mean and standard deviation of scores over starts.
 
     Args:
-        names: of the controllers.
-        sweeps: what was done.
-        scores: (n_controllers, n_values, n_starts) of each sweep.
-        task: what was scored.
+        names: names of the controllers.
+        sweeps: the sweeps.
+        scores: (n_controllers, n_values, n_starts) for each sweep.
+        task: task of the scores.
     """
     n_columns = min(3, len(sweeps))
     n_rows = -(-len(sweeps) // n_columns)

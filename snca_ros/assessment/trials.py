@@ -1,4 +1,4 @@
-"""Episodes of trained controllers on ground that they have not seen, and pushed."""
+"""Trials: episodes of trained controllers on any terrain, from pushed starts, with faults."""
 
 import csv
 import io
@@ -24,14 +24,14 @@ from snca_ros.faults import NO_FAULTS, Faults
 from snca_ros.files import write_text
 
 COLUMNS = ('controller', 'terrain', 'engine', 'start')
-"""Of the CSV, a row per episode, before the score, whose column is the task's quantity. Start 0 is
-the exact one, others are pushed. Rows of a kind of terrain have the mean over its seeds, and those
-of `MEAN` that over the terrains or, of several seeds, over the kinds; start by start."""
+"""Columns of the CSV file, one row per episode; the last column is the score, named after the
+task's quantity. Start 0 is the exact one, the others are pushed. For each start, a row of a kind of
+terrain has the mean over its seeds, and a row `MEAN` has the mean over the terrains or kinds."""
 
 MEAN = 'mean'
 
 FAULTY_STARTS = 9
-"""Pushed starts beside the exact one for each value of a fault, if nobody says how many."""
+"""Default number of pushed starts in a fault sweep, besides the exact one."""
 
 
 @dataclass(frozen=True)
@@ -40,11 +40,12 @@ class Trial:
 
     Attributes:
         trained: the controller, and the body that it was trained for.
-        terrain: name of the ground.
+        terrain: name of the terrain.
         engine: one of `sim_node.engine.ENGINES`.
-        start: 0, or the number of a pushed start, see `Simulation`.
-        faults: what goes wrong.
-        duration, transient: of the episode [s], and what its score ignores at the start [s].
+        start: 0, or the seed of a pushed start, see `Simulation`.
+        faults: faults of the robot.
+        duration: duration of the episode [s].
+        transient: time at the start of the episode that is not scored [s].
     """
 
     trained: TrainedController
@@ -56,12 +57,12 @@ class Trial:
     transient: float = TRANSIENT
 
     def simulation(self) -> Simulation:
-        """Return the robot, put down."""
+        """Return the simulation of the robot at its start."""
         return self.trained.simulation(self.terrain, self.engine, self.start, self.faults)
 
 
 def score(trial: Trial) -> float:
-    """Return the score of a trial by the controller's task; -inf if it diverged."""
+    """Return the score of a trial by the controller's task; -inf if the physics diverged."""
     task = check_task(trial.trained.task)
     simulation, controller = trial.simulation(), trial.trained.controller(trial.faults)
     faulty = '-faulty' if trial.faults.affect_cells else ''
@@ -75,7 +76,7 @@ def score(trial: Trial) -> float:
 
 
 def run_trials(workers: Workers, trials: Sequence[Trial]) -> np.ndarray:
-    """Return the score of each trial, whatever the workers."""
+    """Return the score of each trial, (n_trials,); it does not depend on the workers."""
     return np.array(list(workers.executor.map(score, trials)))
 
 
@@ -87,58 +88,61 @@ def all_trials(
     n_starts: int,
     duration: float = EPISODE,
 ) -> list[Trial]:
-    """Return the episodes of all combinations, by controller, faults, start and terrain.
+    """Return the episodes of all combinations, ordered by controller, faults, start and terrain.
 
-    Start s draws its faults from their seed plus s.
+    The seed of the faults of start s is their own seed plus s.
     """
     return [
-        Trial(one, terrain, engine, start, replace(wrong, seed=wrong.seed + start), duration)
-        for one, wrong, start, terrain in product(trained, faults, range(n_starts), terrains)
+        Trial(one, terrain, engine, start, replace(given, seed=given.seed + start), duration)
+        for one, given, start, terrain in product(trained, faults, range(n_starts), terrains)
     ]
 
 
 def common_task(trained: Sequence[TrainedController]) -> Task:
-    """Return the task of all of some controllers, whose scores stand in one table.
+    """Return the task that the controllers have in common.
 
     Raises:
-        InvalidInput: they have several.
+        InvalidInput: they have different tasks.
     """
     names = list(dict.fromkeys(one.task for one in trained))
     if len(names) != 1:
-        expected = 'controllers of one task: scores of several cannot be compared'
+        expected = 'controllers of one task: scores of different tasks cannot be compared'
         raise InvalidInput('controllers', names, expected)
     return check_task(names[0])
 
 
 @dataclass(frozen=True)
 class AssessmentOptions:
-    """How controllers are assessed.
+    """Options of an assessment.
 
     Raises:
-        InvalidInput: a value is off, or an episode ends before anything is scored.
+        InvalidInput: a value is invalid, or the episode is not longer than the transient.
     """
 
-    starts: int = constant(0, 0, 10_000, 'pushed starts beside the exact one')
+    starts: int = constant(0, 0, 10_000, 'number of pushed starts besides the exact one')
     duration: float = constant(EPISODE, TRANSIENT, LONGEST, 'duration of an episode', 's')
     engine: str = choice(DEFAULT_ENGINE, ENGINES, 'physics engine')
     terrain_seeds: int = constant(
-        1, 1, MOST_TERRAIN_SEEDS, 'seeds of each irregular unseen terrain: mean of each kind, and '
-        'of all kinds'
+        1, 1, MOST_TERRAIN_SEEDS, 'number of seeds of each irregular unseen terrain; the scores '
+        'are means of each kind and over the kinds'
     )
 
     def __post_init__(self) -> None:
         check_declared(self)
         if self.duration <= TRANSIENT:
-            expected = f'a time above {TRANSIENT:g} s, which is not scored'
+            expected = f'a time above {TRANSIENT:g} s, since the first {TRANSIENT:g} s do not count'
             raise InvalidInput('duration', self.duration, expected)
 
 
 def means_of_kinds(kinds: dict[str, tuple[str, ...]], scores: np.ndarray) -> np.ndarray:
-    """Return the means over the terrains of each kind, and that over the kinds, (n_kinds + 1, n).
+    """Return the mean score of each kind of terrain, and the mean over the kinds.
 
     Args:
-        kinds: to the names of their terrains.
-        scores: (n_terrains, n) of each terrain, kind by kind, and start.
+        kinds: the names of the terrains of each kind.
+        scores: (n_terrains, n_starts), kind by kind.
+
+    Returns:
+        (n_kinds + 1, n_starts); the last row is the mean over the kinds.
     """
     ends = np.cumsum([len(names) for names in kinds.values()])[:-1]
     means = np.stack([of_kind.mean(axis=0) for of_kind in np.split(scores, ends)])
@@ -151,11 +155,11 @@ def table(
     """Return the scores of one controller as lines of text.
 
     Args:
-        name: of the controller.
-        terrains: their names.
-        scores: (n_terrains, 1 + n_pushed); of pushed starts mean and sample standard deviation
-            are shown.
-        quantity: that is scored.
+        name: name of the controller.
+        terrains: names of the terrains.
+        scores: (n_terrains, 1 + n_pushed); the table has mean and sample standard deviation of the
+            pushed starts.
+        quantity: name of the quantity that is scored.
     """
     n_pushed = scores.shape[1] - 1
     head = f'{"":24}{quantity:>9}'
@@ -174,7 +178,7 @@ def summary(scores: Sequence[float]) -> tuple[float, float]:
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence]) -> None:
-    """Write a table, atomically; InvalidInput if it cannot be written."""
+    """Write a table to a CSV file, atomically; InvalidInput if it cannot be written."""
     text = io.StringIO()
     csv.writer(text, lineterminator='\n').writerows([columns, *rows])
     try:

@@ -1,1 +1,1 @@
-"""Many runs: which they are, how they are made, what they find."""
+"""Campaigns: many runs, which are evolved, assessed and collected in one table."""

@@ -1,4 +1,4 @@
-"""The columns of results.csv: what a run is, what it was assessed with, and what was found."""
+"""The columns of results.csv: settings of a run, versions, and results of its assessment."""
 
 from sim_node.errors import InvalidInput
 from sim_node.model.terrain import UNSEEN_KINDS
@@ -11,16 +11,16 @@ SETTINGS = (
     'strategy', 'engine', 'physics', 'substeps', 'iterations', 'self_collision', 'population',
     'sigma', 'duration', 'transient', 'evaluations', 'seed',
 )
-"""What a run is. Its name says no more than these, and nothing is to be read out of the name."""
+"""Columns of a run's settings. They determine its name; settings are never parsed from a name."""
 
 VERSIONS = ('code_version', 'numpy_version', 'numba_version', 'pymunk_version')
-"""What evolved and assessed it, see `snca_ros.controller_file.code_version`."""
+"""Columns of the versions that evolved and assessed a run, see `package_versions`."""
 
 ROBUST = (
     'robust_rank', 'v_x_robust_chosen', 'robust_starts', 'v_x_robust_mean', 'v_x_robust_std',
     'v_x_robust_unseen',
 )
-"""Of the second controller of a run, the robust one."""
+"""Columns of the robust controller of a run."""
 
 COLUMNS = (
     *SETTINGS, 'terrain_set', *VERSIONS,
@@ -42,21 +42,21 @@ INTEGERS = (
 """Columns that hold whole numbers."""
 
 MAY_BE_EMPTY = (*VERSIONS, 'v_x_other', *ROBUST, 'vibration')
-"""Columns that the first tables did not have, and the speed in an engine that cannot do the run."""
+"""Columns that may be empty: the first tables lack them, or an engine cannot run the controller."""
 
 
 def check_is_walk(config: RunConfig) -> None:
-    """Raise InvalidInput if a run has another task: the columns of results are speeds."""
+    """Raise InvalidInput if the task of a run is not walking: results.csv has speeds only."""
     if config.task != DEFAULT_TASK:
         expected = (
-            f'{DEFAULT_TASK}, since a campaign is a study of walking: its columns are v_x [m/s]; '
-            f'evolve and assess have other tasks'
+            f'{DEFAULT_TASK}, since the results of a campaign are speeds, v_x [m/s]; '
+            f'`snca evolve` and `snca assess` take other tasks'
         )
         raise InvalidInput('task', config.task, expected)
 
 
 def settings_of(config: RunConfig) -> dict[str, str]:
-    """Return the texts of `SETTINGS` of a run."""
+    """Return the values of the columns `SETTINGS` of a run, as text."""
     cell, solver = config.architecture, config.solver
     values = {
         'run': config.name,
@@ -84,7 +84,7 @@ def settings_of(config: RunConfig) -> dict[str, str]:
 
 
 def unusual_cell(row: dict[str, str]) -> list[str]:
-    """Return what is unusual about the size of a row's cells, such as ['n_c2', 'hidden16x8']."""
+    """Return the sizes of a row's cells that are not defaults, such as ['n_c2', 'hidden16x8']."""
     usual = Architecture.named(row['architecture'], row['neuron_model'])
     n_c = int(row['n_c'])
     of_it = Architecture(usual.uniform, usual.directional, usual.neuron_model, n_c)

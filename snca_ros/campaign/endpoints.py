@@ -1,4 +1,4 @@
-"""A run and its endpoints: evolved, then assessed; each endpoint under a name of its own."""
+"""One run of a campaign: its evolution, and the assessment of two of its controllers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -26,24 +26,25 @@ from snca_ros.evolution.workers import IN_PROCESS
 from snca_ros.recording.gait import dominant_frequency, steady_part, vibration_share
 
 STARTS = range(1, 21)
-"""Pushed starts of the evolution's best in pymunk; in the run's engine they choose the robust one.
-"""
+"""Pushed starts at which the best controller is assessed in pymunk, and by which the robust one is
+chosen in the run's engine."""
 
 ROBUST_STARTS = range(101, 121)
-"""Pushed starts of the robust controller in pymunk; it was not chosen by them."""
+"""Pushed starts at which the robust controller is assessed in pymunk; others than `STARTS`, since
+it was chosen by those."""
 
 CURVE_COLUMNS = ('evaluations', 'best_so_far')
-"""Of a history: where the best v_x [m/s] so far rises, and the last generation."""
+"""Columns of a history: best v_x [m/s] so far where it rises, and at the last generation."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run found.
+    """The results of a run.
 
     Attributes:
-        row: of results.csv, column to text.
-        history: text of the CSV of its best-so-far curve.
-        controller, robust: content of its best.npz, and of its robust.npz.
+        row: its row of results.csv, column to text.
+        history: CSV text of its best-so-far curve.
+        controller, robust: contents of its best.npz and of its robust.npz.
     """
 
     row: dict[str, str]
@@ -53,22 +54,28 @@ class Outcome:
 
 
 def perform(config: RunConfig, path: Path) -> Outcome:
-    """Evolve the run of the run folder `path`, or go on with it; then assess two controllers of it.
+    """Start or resume a run, then assess two of its controllers; everything in this process.
 
-    All in this process, and the same whether it was stopped on the way or not.
+    The result does not depend on whether the run was stopped and resumed.
+
+    Args:
+        config: configuration of the run.
+        path: its run folder.
 
     Raises:
         InvalidInput: the folder cannot be used, an earlier version has finished the run in it, or
             the task is not walking.
     """
     check_is_walk(config)
-    versions = package_versions()  # asked for now, so that it is the code that is loaded
+    versions = package_versions()  # read now, so that they are those of the loaded code
     folder = RunFolder.create_or_resume(path, config)
     try:
         progress = evolve(folder, IN_PROCESS)
         if progress.by_old_rules:
-            expected = 'one that keeps its last whole population; remove the folder to run it anew'
-            raise InvalidInput('run', 'one that an earlier version finished', expected, str(path))
+            expected = (
+                'a run that has its last whole population; remove the folder to repeat the run'
+            )
+            raise InvalidInput('run', 'a run finished by an earlier version', expected, str(path))
         best, chosen = load_controller(path / 'best.npz'), choose_robust(config, progress)
         parameters, fitness = (of_all[chosen.place] for of_all in progress.population)
         robust = replace(
@@ -90,17 +97,17 @@ def perform(config: RunConfig, path: Path) -> Outcome:
 
 @dataclass(frozen=True)
 class Chosen:
-    """The robust controller of a run: its place in the population, and its mean v_x [m/s]."""
+    """The robust controller of a run: its index in the population, and its mean v_x [m/s]."""
 
     place: int
     mean: float
 
 
 def choose_robust(config: RunConfig, progress: Progress) -> Chosen:
-    """Return the robust controller: of the last whole population the best mean of `STARTS`.
+    """Return the robust controller: the individual with the largest mean v_x over `STARTS`.
 
-    The episodes are those of the run's engine. Of equal means the individual with the larger
-    fitness counts.
+    The individuals are those of the last whole population, and the episodes run in the run's
+    engine. Of individuals with equal means, the one with the larger fitness is chosen.
     """
     individuals, _ = progress.population
     v_x = [list(evaluate(IN_PROCESS, config, individuals, start)) for start in STARTS]
@@ -114,7 +121,7 @@ def _trial(config: RunConfig, trained: TrainedController) -> Trial:
 
 
 def _of_the_best(config: RunConfig, best: TrainedController) -> dict[str, object]:
-    """Return the columns of the evolution's best."""
+    """Return the columns of the best controller."""
     own = _trial(config, best)
     unseen = _unseen(own)
     mean, deviation = _pushed(own, STARTS)
@@ -159,7 +166,7 @@ def _format_starts(starts: range) -> str:
 
 
 def _actuation(trial: Trial) -> np.ndarray:
-    """Return the actuation in an episode, (n_steps, n_voxels); it ends where physics diverges."""
+    """Return the actuation in an episode, (n_steps, n_voxels), until the physics diverges."""
     simulation, controller = trial.simulation(), trial.trained.controller()
     readings, actuation = simulation.reset(), []
     try:
@@ -172,7 +179,7 @@ def _actuation(trial: Trial) -> np.ndarray:
 
 
 def _curve(progress: Progress) -> str:
-    """Return the generations in which the best so far rises, and the last, as CSV."""
+    """Return the best-so-far curve as CSV: generations in which it rises, and the last one."""
     lines = [','.join(CURVE_COLUMNS)]
     last = -np.inf
     for _, evaluations, *_, best_so_far in progress.history:

@@ -1,8 +1,8 @@
-"""Tables of the first results, made before a row had all settings, read as rows of today.
+"""Conversion of the first tables of results, whose rows lack settings, to the present columns.
 
-They are of the first physics, and of the terrains that share the seed 0. Their header has neither
-terrain nor strategy nor what else a campaign may set, but the name of a run has: only here is
-anything read out of a name. What they do not have is empty.
+Their runs have the first physics and the terrains that share the seed 0. Terrain, strategy and
+further settings are missing in their columns and are parsed from the names of the runs, which
+nothing else does. Columns whose values are not known are empty.
 """
 
 import re
@@ -18,7 +18,7 @@ from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.strategies import STRATEGIES
 
 FIRST_ENGINES = ('pymunk', 'batched')
-"""The engines that there were."""
+"""The engines of the first results."""
 
 FIRST_COLUMNS = (
     'run', 'shape', 'architecture', 'neuron_model', 'as_printed', 'seed', 'engine',
@@ -26,13 +26,13 @@ FIRST_COLUMNS = (
     'v_x_unseen', *TERRAIN_SETS[FIRST_TERRAIN_SET], 'starts', 'v_x_starts_mean', 'v_x_starts_std',
     'frequency',
 )
-"""The header of those tables."""
+"""The header of the first tables."""
 
 FIRST_TEXTS = ('run', 'shape', 'architecture', 'neuron_model', 'as_printed', 'engine', 'chosen_by')
 FIRST_INTEGERS = ('seed', 'n_evaluations', 'starts')
 
 _WORD = re.compile(r'(?:hilly|steppy|uphill|downhill)(?:-\d[\d.]*)+|(?:[^-]|(?<=\de)-)+')
-"""A word of a run's name: a terrain with its numbers, or anything up to a hyphen not of 1e-5."""
+"""A word of a run's name: a terrain with its numbers, or text up to a hyphen (not that of 1e-5)."""
 
 _NUMBERS = {
     'evaluations': int, 'population': int, 'sigma': float, 'duration': float, 'transient': float,
@@ -40,10 +40,10 @@ _NUMBERS = {
 
 
 def converted(row: dict[str, str]) -> dict[str, str]:
-    """Return a row of such a table as one of today.
+    """Return a row of the first tables with the present columns.
 
-    Its speeds are those of the controller that the run's best.npz holds, which was often chosen by
-    pymunk among the best quarter of a batched run: `v_x_end` is its episode in the run's engine.
+    Its speeds are those of the controller in the run's best.npz, which in batched runs was chosen
+    by pymunk among the best quarter: `v_x_end` is its episode in the run's engine.
 
     Raises:
         InvalidInput: the name of the run and the rest of the row do not agree.
@@ -67,12 +67,12 @@ def converted(row: dict[str, str]) -> dict[str, str]:
 
 
 def _config(row: dict[str, str]) -> RunConfig:
-    """Return the run of a row: what its columns say, and for the rest its name."""
+    """Return the configuration of a row, from its columns and the name of its run."""
     name, printed = row['run'], row['as_printed'] == 'true'
     case = f'{row["shape"]}-{row["architecture"]}-{row["neuron_model"]}-{"as-printed-" * printed}'
     seed = f'-seed{row["seed"]}'
     if not (name.startswith(case) and name.endswith(seed)):
-        raise InvalidInput('run', name, f'{case}...{seed}, as the rest of its row')
+        raise InvalidInput('run', name, f'{case}...{seed}, the name for the rest of its row')
     options: dict[str, Any] = {}
     for word in _WORD.findall(name[len(case) : -len(seed)]):
         key = next((key for key in _NUMBERS if word.startswith(key)), None)
@@ -89,7 +89,7 @@ def _config(row: dict[str, str]) -> RunConfig:
     )
     if config.name != name or config.evaluations != int(row['n_evaluations']):
         named = f'{config.name} with {config.evaluations} evaluations'
-        raise InvalidInput('run', name, f'the name that its row gives it, {named}')
+        raise InvalidInput('run', name, f'the name for the rest of its row, {named}')
     return config
 
 

@@ -1,4 +1,4 @@
-"""The results folder of campaigns: a row per run, its history, its controllers."""
+"""The results folder of campaigns: a table with a row per run, histories and controllers."""
 
 import csv
 import io
@@ -14,10 +14,10 @@ from snca_ros.files import hold_folder, reason_of, write_atomically, write_text
 
 
 class Results:
-    """The results folder, held against a second process while it is open; close it when done.
+    """The results folder of campaigns, locked against other processes until it is closed.
 
-    results.csv has a row per finished run, histories/ a file and controllers/ two, its best and its
-    robust one. A run that has its row is finished, whichever campaign it belongs to.
+    For each finished run, results.csv has a row, histories/ has a file, and controllers/ has its
+    best and its robust controller. A run with a row is finished, whichever campaign it belongs to.
 
     Raises:
         InvalidInput: the folder cannot be written, is in use, or its table is damaged.
@@ -53,13 +53,13 @@ class Results:
         write_text(self.path / 'results.csv', text.getvalue())
 
     def _place(self, run: str) -> tuple:
-        """Return what orders the table: it must not depend on which run ended first."""
+        """Return the sort key of a row, so that the order does not depend on when runs ended."""
         row = self.rows[run]
         case = (row[column] for column in ('shape', 'architecture', 'neuron_model', 'as_printed'))
         return *case, int(row['seed']), run
 
     def close(self) -> None:
-        """Let another process have the folder."""
+        """Release the folder to other processes."""
         self._lock.close()
 
 
@@ -68,10 +68,10 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def read_rows(path: Path) -> list[dict[str, str]]:
-    """Return the rows of a results.csv, column to text; those of the first tables as of today.
+    """Return the rows of a results.csv, column to text; rows of the first tables are converted.
 
     Raises:
-        InvalidInput: it cannot be read, or a row or number of it is damaged.
+        InvalidInput: the file cannot be read, or a row or number in it is damaged.
     """
     try:
         with path.open(newline='') as file:
@@ -95,14 +95,15 @@ def read_rows(path: Path) -> list[dict[str, str]]:
 _KINDS = {
     COLUMNS: (TEXTS, INTEGERS, MAY_BE_EMPTY), FIRST_COLUMNS: (FIRST_TEXTS, FIRST_INTEGERS, ()),
 }
-"""Header to those of its columns that hold texts and integers, and that may be empty."""
+"""For each header, its columns with texts, its columns with integers, and those that may be empty.
+"""
 
 
 def _check_row(cells: list[str], header: list[str], seen: set[str], where: str) -> None:
     if len(cells) != len(header):
         raise InvalidInput('row', f'{len(cells)} values', f'{len(header)} values', where)
     if cells[0] in seen:
-        raise InvalidInput('run', cells[0], 'a run that has no other row', where)
+        raise InvalidInput('run', cells[0], 'one row per run', where)
     seen.add(cells[0])
     texts, integers, may_be_empty = _KINDS[tuple(header)]
     for column, cell in zip(header, cells, strict=True):
@@ -120,7 +121,7 @@ def read_curve(path: Path) -> np.ndarray:
     """Return a history, (n_points, 2): evaluations and best v_x [m/s] so far.
 
     Raises:
-        InvalidInput: it cannot be read or is damaged.
+        InvalidInput: the file cannot be read or is damaged.
     """
     try:
         with path.open(newline='') as file:
@@ -130,6 +131,6 @@ def read_curve(path: Path) -> np.ndarray:
         raise InvalidInput('file', str(error), 'the history of a run', str(path)) from None
     rising = (np.diff(points, axis=0) >= 0.0).all() and not np.isnan(points).any()
     if tuple(header) != CURVE_COLUMNS or points.shape[1:] != (2,) or not rising:
-        expected = f'rows of rising {",".join(CURVE_COLUMNS)}'
+        expected = f'rows of increasing {",".join(CURVE_COLUMNS)}'
         raise InvalidInput('file', f'{len(rows)} rows under {header}', expected, str(path))
     return points

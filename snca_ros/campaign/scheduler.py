@@ -1,4 +1,4 @@
-"""Many runs side by side, evolved and assessed, resumable at any moment."""
+"""The scheduler of a campaign, which evolves and assesses many runs in parallel."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -12,29 +12,29 @@ from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.workers import Workers
 from snca_ros.progress import TimeLeft
 
-_TELL_EVERY = 1.0  # s
+_PROGRESS_PERIOD = 1.0  # s
 
 
 class Listener:
-    """What a campaign tells while it works; this one ignores it."""
+    """Receives the events of a campaign; the methods of this base class do nothing."""
 
     def progress(self, campaign: 'Campaign') -> None:
-        """Note that time has passed."""
+        """Receive the campaign, about once a second."""
 
     def finished(self, row: dict[str, str]) -> None:
-        """Note the row of results.csv of a run that has finished."""
+        """Receive the row of results.csv of a run that has finished."""
 
     def failed(self, run: str, reason: str) -> None:
-        """Note that a run has failed."""
+        """Receive the name of a run that has failed, and the reason."""
 
 
 class Campaign:
     """The runs of a campaign: waiting, running, failed, or finished and in the results.
 
     Args:
-        configs: the runs, in the order in which to start them.
-        results: where finished ones have their rows.
-        runs: folder of the run folders, on all workers the same.
+        configs: configurations of the runs, in the order in which they start.
+        results: results folder, which has the rows of finished runs.
+        runs: folder of the run folders, the same on all workers.
         listener: called for each run that ends, and every second with the progress.
     """
 
@@ -46,20 +46,21 @@ class Campaign:
         self.waiting = deque(c for c in configs if c.name not in results.rows)
         self.running: dict[Future[Outcome], RunConfig] = {}
         self.failed: dict[str, str] = {}
-        self._suspects: set[str] = set()  # one of them has ended its worker process
-        self._at_once = 1  # of the suspects
+        self._suspects: set[str] = set()  # names of runs, one of which ended its worker process
+        self._at_once = 1  # number of suspects that run at a time
         self._listener = listener or Listener()
         self._left = TimeLeft(sum(c.evaluations for c in configs), self._evaluations())
 
     def work(self, workers: Workers) -> None:
-        """Perform what waits, as many runs at a time as there are workers.
+        """Perform the waiting runs, as many at a time as there are workers.
 
-        When a local worker process ends, nobody knows whose fault it was: all that were running
-        are tried again, half as many at a time, until one ends its process alone and has failed.
+        When a local worker process ends, it is not known which run was the cause. All runs that
+        were running are tried again, half as many at a time, until a run ends its process while it
+        is the only one: this run has failed.
 
         Raises:
-            BrokenExecutor, CancelledError: a worker process ended, or the cluster is lost; what
-                was running waits again, or has failed.
+            BrokenExecutor, CancelledError: a worker process ended, or the cluster is lost; the runs
+                that were running are waiting again, or have failed.
         """
         try:
             while self.waiting or self.running:
@@ -68,7 +69,7 @@ class Campaign:
                     config = self.waiting[0]
                     future = workers.executor.submit(perform, config, self.runs / config.name)
                     self.running[future] = self.waiting.popleft()
-                done, _ = wait(self.running, _TELL_EVERY, FIRST_COMPLETED)
+                done, _ = wait(self.running, _PROGRESS_PERIOD, FIRST_COMPLETED)
                 for future in done:
                     self._finish(future)
                 self._listener.progress(self)
@@ -93,7 +94,7 @@ class Campaign:
         configs = list(self.running.values())
         self.running.clear()
         if a_process_ended and len(configs) == 1 and configs[0].name in self._suspects:
-            self._fail(configs[0], 'it ended its worker process again, alone (out of memory?)')
+            self._fail(configs[0], 'it alone was running when a process ended (out of memory?)')
             self._suspects.clear()
             return
         self.waiting.extendleft(reversed(configs))
@@ -107,14 +108,14 @@ class Campaign:
         self._listener.failed(config.name, reason)
 
     def _evaluations(self) -> int:
-        """Return the evaluations spent so far, by the histories of the run folders."""
+        """Return the number of evaluations spent so far, from the histories in the run folders."""
         return sum(
             c.evaluations if c.name in self.results.rows else _spent(self.runs / c.name)
             for c in self.configs
         )
 
     def describe(self) -> str:
-        """Return what is done, running and left, and the time left, as text."""
+        """Return the numbers of finished, running, waiting and failed runs and the time left."""
         done = sum(c.name in self.results.rows for c in self.configs)
         text = (
             f'{done} of {len(self.configs)} runs done, {len(self.running)} running, '

@@ -1,4 +1,4 @@
-"""The campaign file: which runs a campaign consists of, as products of lists."""
+"""The campaign file, which specifies the runs of a campaign as products of lists."""
 
 from collections.abc import Iterator
 from itertools import product
@@ -21,14 +21,14 @@ _KEYS = (
 
 
 def read_campaign(path: Path) -> list[RunConfig]:
-    """Return the runs of a campaign file, each once, lower seeds first.
+    """Return the configurations of a campaign file's runs, each once, in the order of their seeds.
 
-    A key of a run holds a value or a list of values. Each of the `cases` is the product of its
-    lists and of those beside `cases`; without cases there is the one product. The engine is
-    batched unless the file says otherwise.
+    Each key has a value or a list of values. Each of the `cases` is the product of its own lists
+    and of those outside `cases`; without `cases`, the file is one product. The default engine is
+    batched.
 
     Raises:
-        InvalidInput: the file cannot be read, or a key or value of it is off.
+        InvalidInput: the file cannot be read, or a key or value in it is invalid.
     """
     values = read_yaml(path, 'a campaign')
     try:

@@ -1,1 +1,1 @@
-"""One voxel's mind: rate coding, spiking network, perceptron, and the cell made of them."""
+"""The cell of a voxel: its architecture, rate coding, spiking network or perceptron."""

@@ -1,4 +1,4 @@
-"""The embodied neural cellular automaton: what kinds of cell there are."""
+"""The architecture of an embodied neural cellular automaton: options and sizes of its cells."""
 
 from dataclasses import asdict, dataclass
 
@@ -19,19 +19,19 @@ _MAX_N_C, _MAX_HIDDEN, _MAX_LAYERS = 64, 1024, 8
 
 @dataclass(frozen=True)
 class Architecture:
-    """What kind of cell a robot has.
+    """The architecture of a robot's cells.
 
     Attributes:
-        uniform: all voxels share one set of weights.
-        directional: a cell sends a message of its own to each side, else the same to all.
-        neuron_model: one of `NEURON_MODELS`.
+        uniform: whether all voxels share one set of weights.
+        directional: whether a cell sends a different message to each side, or the same to all.
+        neuron_model: name of one of `NEURON_MODELS`.
         n_c: message channels per direction; None for the paper's 4 (nD) or 1 (D).
         hidden: sizes of the hidden layers; None for the paper's one, as wide as the input.
-        as_printed: follow the paper's printed equations where the authors' code differs.
-        sensors: names of what a cell reads of its voxel, in the order of its first inputs.
+        as_printed: whether to use the paper's printed equations where the authors' code differs.
+        sensors: names of the sensors that a cell reads, in the order of its first inputs.
 
     Raises:
-        InvalidInput: a value is not of this kind or out of range.
+        InvalidInput: a value is of the wrong type or out of range.
     """
 
     uniform: bool
@@ -64,7 +64,7 @@ class Architecture:
 
     @classmethod
     def named(cls, name: str, neuron_model: str, **options) -> 'Architecture':
-        """Return the architecture called `name` in the paper's shorthand, such as 'U-nD'."""
+        """Return the architecture with the paper's shorthand `name`, such as 'U-nD'."""
         check_name('architecture', name, ARCHITECTURES)
         uniform, directional = name.split('-')
         return cls(uniform == 'U', directional == 'D', neuron_model, **options)
@@ -87,27 +87,27 @@ class Architecture:
 
     @property
     def message_width(self) -> int:
-        """Return the numbers per channel in a message: a train of 16 spikes, or one value."""
+        """Return the number of values per channel of a message: 16 spikes, or one value."""
         return SNN_STEPS if self.spiking else 1
 
     @property
     def n_destinations(self) -> int:
-        """Return how many different messages a cell sends: 4, or 1 if not directional."""
+        """Return the number of different messages of a cell: 4, or 1 if not directional."""
         return len(DIRECTIONS) if self.directional else 1
 
     @property
     def n_inputs(self) -> int:
-        """Return the inputs of a cell: a reading per sensor and n_c channels from each side."""
+        """Return the number of inputs of a cell: one per sensor and n_c from each side."""
         return len(self.sensors) + len(DIRECTIONS) * self.n_c
 
     @property
     def n_outputs(self) -> int:
-        """Return the outputs of a cell: the actuation and the channels that it sends."""
+        """Return the number of outputs of a cell: the actuation and the channels it sends."""
         return 1 + self.n_destinations * self.n_c
 
     @property
     def layer_sizes(self) -> tuple[int, ...]:
-        """Return the neurons per layer, from input to output."""
+        """Return the number of neurons of each layer, from input to output."""
         return self.n_inputs, *self.hidden, self.n_outputs
 
     @property
@@ -120,12 +120,16 @@ class Architecture:
         return self.parameters_per_cell * (1 if self.uniform else n_voxels)
 
     def to_dict(self) -> dict:
-        """Return the attributes as plain numbers, texts and lists."""
+        """Return the attributes as numbers, strings and lists, for JSON and YAML."""
         return {**asdict(self), 'hidden': list(self.hidden), 'sensors': list(self.sensors)}
 
     @classmethod
     def from_dict(cls, values: dict) -> 'Architecture':
-        """Return the architecture of `to_dict`; InvalidInput if a key or value is off."""
+        """Return the architecture of a dict from `to_dict`.
+
+        Raises:
+            InvalidInput: a key or value is invalid.
+        """
         check_keys('architecture', values, list(cls.__dataclass_fields__))
         for key in ('uniform', 'directional', 'neuron_model'):
             if key not in values:

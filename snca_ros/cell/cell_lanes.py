@@ -1,7 +1,7 @@
-"""The cells of W robots of one shape that step side by side, one robot in each lane.
+"""The cells of W robots of one shape, which step side by side, one robot in each lane.
 
-`cells` is one robot's. Both run their networks by the same code (`spiking_layers`, `value_layers`)
-and share the arithmetic of `coding`.
+`cells` has the cells of one robot. Both modules run networks by the same code (`spiking_layers`,
+`value_layers`) and share the arithmetic of `coding`.
 """
 
 from typing import NamedTuple
@@ -28,33 +28,33 @@ from snca_ros.cell.spiking_layers import clear, run_spiking
 from snca_ros.cell.value_layers import run_values
 
 MAX_WIDTH = 64
-"""Robots at most: their spikes are the bits of an integer."""
+"""Largest number of robots: their spikes are the bits of an integer."""
 
 
 class GroupState(NamedTuple):
     """Everything that a step of n cells of W robots reads and writes.
 
-    Arrays of lanes are (rows, fields) of W each. A message is a number per channel in lanes, or a
-    train of SNN_STEPS masks over the robots (see `spiking_layers`).
+    Each item of a lane array, (rows, fields), has W lanes. A message has, per channel, lanes of
+    values or a train of SNN_STEPS masks over the robots (see `spiking_layers`).
     """
 
     network: Network
     n_c: int  # channels per direction
     output: int  # first item of the output layer
-    neighbors: np.ndarray  # (n, 4) who is above, left, below, right; -1 for nobody
-    channels: np.ndarray  # (4,) the first of the n_c channels that each of them sends here
+    neighbors: np.ndarray  # (n, 4) cells above, left, below, right; -1 where there is none
+    channels: np.ndarray  # (4,) first of the n_c channels that each of them sends to the cell
     last_spike: np.ndarray  # lanes (n, n_sensors) SNN step of each reading's newest spike
     counts: np.ndarray  # lanes (n, ACTUATION_WINDOW) actuation spikes per control step
     sent_trains: np.ndarray  # (n, n_destinations * n_c, SNN_STEPS) spikes sent
-    heard_trains: np.ndarray  # the same as it was a control step ago
+    received_trains: np.ndarray  # the same one control step earlier
     sent_values: np.ndarray  # lanes (n, n_destinations * n_c) values sent
-    heard_values: np.ndarray  # the same as it was a control step ago
+    received_values: np.ndarray  # the same one control step earlier
     trains: np.ndarray  # (n_items, SNN_STEPS) scratch: spikes of one cell's network, as masks
 
 
 @compiled
 def step_group(cells, readings, step, actuation):
-    """Deliver what the cells of all robots sent and advance them by one control step.
+    """Deliver the messages of all robots' cells and advance the cells by one control step.
 
     Args:
         readings: lanes (n, n_sensors) sensor readings in [0, 1].
@@ -70,7 +70,7 @@ def _step_spiking(model, cells, readings, step, actuation):
     for i in range(n_cells):
         for c in range(n_channels):
             for h in range(SNN_STEPS):
-                cells.heard_trains[i, c, h] = cells.sent_trains[i, c, h]
+                cells.received_trains[i, c, h] = cells.sent_trains[i, c, h]
     for i in range(cells.neighbors.shape[0]):
         _read_trains(cells, i, readings, step)
         clear(cells.network.fired)
@@ -82,7 +82,7 @@ def _step_spiking(model, cells, readings, step, actuation):
 def _step_values(model, cells, readings, step, actuation):
     for i in range(cells.neighbors.shape[0]):
         for c in range(cells.sent_values.shape[1]):
-            store(cells.heard_values, i, c, load(cells.sent_values, i, c))
+            store(cells.received_values, i, c, load(cells.sent_values, i, c))
     for i in range(cells.neighbors.shape[0]):
         _read_values(cells, i, readings)
         run_values(cells.network, i, None)
@@ -91,7 +91,7 @@ def _step_values(model, cells, readings, step, actuation):
 
 _step_group = by_attribute(
     'spiking', {True: _step_spiking, False: _step_values},
-    'Advance all cells by a control step, whose networks exchange spikes or values.',
+    'Advance all cells by a control step; their networks exchange spikes or values.',
 )
 
 
@@ -112,8 +112,8 @@ def _read_trains(cells, i, readings, step):
         sender, channel = cells.neighbors[i, d], cells.channels[d]
         for c in range(cells.n_c):
             for h in range(SNN_STEPS):
-                heard = cells.heard_trains[sender, channel + c, h] if sender >= 0 else 0
-                trains[n_sensors + d * cells.n_c + c, h] = heard
+                train = cells.received_trains[sender, channel + c, h] if sender >= 0 else 0
+                trains[n_sensors + d * cells.n_c + c, h] = train
 
 
 @inlined_part
@@ -145,7 +145,7 @@ def _read_values(cells, i, readings):
             if sender < 0:
                 store(values, 0, neuron, 0.0)
             else:
-                store(values, 0, neuron, load(cells.heard_values, sender, channel + c))
+                store(values, 0, neuron, load(cells.received_values, sender, channel + c))
 
 
 @inlined_part
@@ -161,12 +161,12 @@ def make_cells(
 ) -> GroupState:
     """Return all cells of W robots of one shape, each robot with its own weights, before step 0.
 
-    What a robot's cells do depends on its own weights and readings alone, to the bit: neither on
-    W, nor on its lane, nor on its companions.
+    The cells of a robot depend only on its own weights and readings, to the bit: not on W, its
+    lane or the other robots.
 
     Args:
-        architecture: what kind of cell.
-        morphology: whose voxels the cells control.
+        architecture: architecture of the cells.
+        morphology: morphology of the robots.
         parameters: (m, n_parameters) the robots' weights, m <= W; the weights of other lanes are 0.
         width: number of lanes W.
 
@@ -198,9 +198,9 @@ def make_cells(
         last_spike=zeros((n, len(architecture.sensors)), width),
         counts=zeros((n, ACTUATION_WINDOW), width),
         sent_trains=np.zeros((n, n_sent, SNN_STEPS), dtype=np.int64),
-        heard_trains=np.zeros((n, n_sent, SNN_STEPS), dtype=np.int64),
+        received_trains=np.zeros((n, n_sent, SNN_STEPS), dtype=np.int64),
         sent_values=zeros((n, n_sent), width),
-        heard_values=zeros((n, n_sent), width),
+        received_values=zeros((n, n_sent), width),
         trains=np.zeros((network.items.sum(), SNN_STEPS), dtype=np.int64),
     )
     cells.last_spike['lane'] = NEVER

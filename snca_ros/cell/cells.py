@@ -1,4 +1,4 @@
-"""Cells that step: the state of n cells of one architecture, and one control step of a cell."""
+"""The state of n cells of one architecture, and one control step of a cell."""
 
 from typing import NamedTuple
 
@@ -28,21 +28,21 @@ from snca_ros.cell.value_layers import run_values
 class CellState(NamedTuple):
     """Everything that a step of n cells of one robot reads and writes.
 
-    A message holds one number per channel: a value, or a spike train as the integer that it is.
+    A message has one number per channel: a value, or a spike train as an integer (see `coding`).
     """
 
     network: Network
-    values: np.ndarray  # (n_neurons,) the memory of the network's values
+    values: np.ndarray  # (n_neurons,) the network's values, in the same memory
     last_spike: np.ndarray  # (n, n_sensors) SNN step of each reading's newest spike
     counts: np.ndarray  # (n, ACTUATION_WINDOW) actuation spikes per control step
-    age: np.ndarray  # (n,) control steps made
+    age: np.ndarray  # (n,) control steps since the reset
     inbox: np.ndarray  # (n, 4, n_c) messages from above, left, below, right
     outbox: np.ndarray  # (n, n_destinations, n_c) messages sent
 
 
 @compiled
 def reset_cells(cells, first, last):
-    """Reset the cells from `first` to `last`: everything but their weights."""
+    """Reset the state of the cells from `first` up to, not including, `last`; weights stay."""
     network = cells.network
     for i in range(first, last):
         for j in range(network.items.sum()):
@@ -56,10 +56,10 @@ def reset_cells(cells, first, last):
 
 @compiled
 def step_cells(cells, first, last, readings, step, actuation):
-    """Advance the cells from `first` to `last` by one control step.
+    """Advance the cells from `first` up to, not including, `last` by one control step.
 
-    Inbox and readings in, outbox and actuation out. This one function is what evolution, the
-    offline controller and the voxel nodes step.
+    It reads inbox and readings, and writes outbox and actuation. Evolution, the offline controller
+    and the voxel nodes all call this function.
 
     Args:
         readings: (n, n_sensors) sensor readings in [0, 1].
@@ -86,13 +86,13 @@ def _step_values(model, cells, i, readings, step, actuation):
 
 _step_cell = by_attribute(
     'spiking', {True: _step_spiking, False: _step_values},
-    'Advance cell i by a control step, whose network exchanges spikes or values.',
+    'Advance cell i by a control step; its network exchanges spikes or values.',
 )
 
 
 @inlined_part
 def _read_trains(cells, i, readings, step):
-    """Put the spikes of readings and messages among the neurons that fire."""
+    """Write the spikes of readings and messages into `fired`, for the input neurons."""
     fired, n_sensors, n_c = cells.network.fired, readings.shape[1], cells.inbox.shape[2]
     clear(fired)
     for sensor in range(n_sensors):
@@ -156,9 +156,9 @@ class Cells:
     """n cells of one architecture, each with its own state.
 
     Args:
-        architecture: what kind of cell.
+        architecture: architecture of the cells.
         weights: (n_rows, parameters_per_cell).
-        rows: (n,) which row of `weights` each cell runs; None for a row per cell.
+        rows: (n,) index of each cell's row of `weights`; None for one row per cell, in order.
 
     Raises:
         InvalidInput: `weights` has another shape or is not finite.
@@ -189,17 +189,17 @@ class Cells:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything but the weights."""
+        """Reset the state of all cells; the weights stay."""
         reset_cells(self.state, 0, len(self.state.age))
 
     @property
     def outbox(self) -> np.ndarray:
-        """Return the (n, n_destinations, n_c, width) spikes or values sent last."""
+        """Return the spikes or values sent last, (n, n_destinations, n_c, width)."""
         sent = self.state.outbox
         return unpack_trains(sent) if self.architecture.spiking else sent[..., np.newaxis].copy()
 
     def variables(self, name: str) -> np.ndarray:
-        """Return a variable of the neuron model, (n, n_neurons), a layer after the other."""
+        """Return a state variable of all neurons, (n, n_neurons), layer after layer."""
         network = self.state.network
         array = network.state[list(self.architecture.model.state).index(name)]
         return np.concatenate(by_neuron(network, array), axis=1)
@@ -223,15 +223,15 @@ class Cells:
         ]
         return np.concatenate(layers, axis=1)
 
-    def silence(self) -> np.ndarray:
-        """Return an inbox, (4, n_c, width), in which nothing was said."""
+    def empty_inbox(self) -> np.ndarray:
+        """Return an inbox without messages: zeros of shape (4, n_c, width)."""
         return np.zeros((*self.state.inbox.shape[1:], self.architecture.message_width))
 
     def step_cell(self, i: int, readings: np.ndarray, inbox: np.ndarray, step: int) -> float:
         """Advance cell `i` by control step `step` and return its actuation.
 
         Args:
-            readings: (4,) in [0, 1].
+            readings: (n_sensors,) in [0, 1].
             inbox: (4, n_c, width) spikes or values from above, left, below, right.
         """
         state = self.state

@@ -28,19 +28,20 @@ NEVER = -1.0
 
 @compiled_inline
 def spike_period(reading):
-    """Return the SNN steps between the spikes that code r: floor(f_h / f).
+    """Return the number of SNN steps between the spikes of a reading r: floor(f_h / f).
 
-    f = r (f_max - f_min) + f_min (paper, Eq. 4); of a number or of lanes.
+    f = r (f_max - f_min) + f_min (paper, Eq. 4). The reading is a number or lanes.
     """
     return floor(SNN_RATE / (reading * (F_MAX - F_MIN) + F_MIN))
 
 
 @compiled_inline
 def next_spike(period, last_spike, first_step):
-    """Return the SNN step, `first_step` or later, on which a spike is due next.
+    """Return the SNN step of the next spike, `first_step` or later.
 
-    A spike falls on every step h for which h - h_last is a positive multiple of the period; the
-    first one at once. Numbers or lanes: steps and periods are whole, so that all of it is exact.
+    A spike occurs on each step h for which h - h_last is a positive multiple of the period; the
+    very first spike occurs on `first_step`. Arguments are numbers or lanes, all of them integers,
+    so the result is exact.
     """
     elapsed = max(first_step - last_spike, 1.0)
     due = last_spike + floor((elapsed + period - 1.0) / period) * period
@@ -77,26 +78,26 @@ def count_spikes(train):
 
 
 def pack_trains(spikes: np.ndarray) -> np.ndarray:
-    """Return the (...) trains of (..., SNN_STEPS) spikes, 0.0 or 1.0."""
+    """Return the trains, (...), of spikes, (..., SNN_STEPS) 0.0 or 1.0."""
     return spikes @ (1 << np.arange(SNN_STEPS))
 
 
 def unpack_trains(trains: np.ndarray) -> np.ndarray:
-    """Return the (..., SNN_STEPS) spikes, 0.0 or 1.0, of (...) trains."""
+    """Return the spikes, (..., SNN_STEPS) 0.0 or 1.0, of trains, (...)."""
     bits = np.asarray(trains)[..., np.newaxis].astype(np.int64) >> np.arange(SNN_STEPS)
     return (bits & 1).astype(np.float64)
 
 
 @compiled_inline
 def actuation_of(n_spikes, age):
-    """Return the actuation in [-1, 1] that spikes in the window mean, a number or lanes.
+    """Return the actuation in [-1, 1] for a number of spikes in the window; numbers or lanes.
 
-    a = 2 n / (f_max T) - 1, clipped; n spikes in the window of duration T (paper, Eq. 5, with
-    the unit mended as in the authors' code).
+    a = 2 n / (f_max T) - 1, clipped, for n spikes in the window of duration T (paper, Eq. 5, with
+    the unit corrected as in the authors' code).
 
     Args:
-        n_spikes: in the last ACTUATION_WINDOW control steps, or in all if there were fewer.
-        age: control steps that the cell has made, this one included.
+        n_spikes: number of spikes in the last ACTUATION_WINDOW control steps, or since the reset.
+        age: number of control steps since the reset, including this one.
     """
     duration = min(age, ACTUATION_WINDOW) / CONTROL_RATE
     a = 2.0 * (n_spikes / (F_MAX * duration)) - 1.0
@@ -109,7 +110,7 @@ def decode(counts, cell, age):
 
     Args:
         counts: (n, ACTUATION_WINDOW) ring buffers of spikes per control step; `cell` picks one.
-        age: control steps that the cell has made, this one included.
+        age: number of control steps since the reset, including this one.
     """
     n_spikes = 0
     for i in range(min(age, ACTUATION_WINDOW)):

@@ -1,11 +1,12 @@
-"""Fully connected layers: the order of a cell's parameters, and how arrays of lanes hold them."""
+"""Fully connected layers: the order of a cell's parameters, and padding to lanes."""
 
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 PAIR = 2
-"""Items of a spiking layer that step by turns, for each has to wait for its own last step."""
+"""Items of a spiking layer that step alternately: each step depends on the item's previous step,
+so one item computes while the other waits for its result."""
 
 
 def n_parameters(sizes: tuple[int, ...], n_evolved: int) -> int:
@@ -13,7 +14,7 @@ def n_parameters(sizes: tuple[int, ...], n_evolved: int) -> int:
 
     Args:
         sizes: neurons per layer.
-        n_evolved: evolved parameters of each neuron but the inputs, beside its weights.
+        n_evolved: evolved parameters per neuron, besides its weights; input neurons have none.
     """
     return sum((a + n_evolved) * b for a, b in zip(sizes[:-1], sizes[1:], strict=True))
 
@@ -53,6 +54,6 @@ def padded(n: int, multiple: int) -> int:
 def pad(
     rows: np.ndarray, multiple: int, mode: Literal['constant', 'edge'] = 'constant'
 ) -> np.ndarray:
-    """Return (k, n) rows with n padded to a multiple, by zeros or, mode 'edge', the last value."""
+    """Return (k, n) rows with n padded to a multiple, by zeros or (mode 'edge') the last value."""
     width = padded(rows.shape[1], multiple) - rows.shape[1]
     return np.pad(rows, ((0, 0), (0, width)), mode=mode)

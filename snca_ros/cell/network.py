@@ -1,8 +1,8 @@
-"""The neurons of n cells as arrays of lanes, whatever a lane is.
+"""The neurons of n cells as lane arrays, whose lanes are neurons or robots.
 
-The networks of one robot have eight neurons of a layer side by side in the lanes, those of W robots
-have one neuron of W robots. The code that steps them (`spiking_layers`, `value_layers`) is the
-same. An item is what the lanes of an array hold at one place: eight neurons, or one.
+In the networks of one robot, the lanes are eight neurons of a layer; in those of W robots, they are
+the same neuron of W robots. The same code (`spiking_layers`, `value_layers`) steps both. An item is
+an element of a lane array: eight neurons, or one neuron of W robots.
 """
 
 from typing import Any, NamedTuple
@@ -15,38 +15,38 @@ from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.cell.layers import PAIR, Layer, layers_of, pad, padded
 
 NEURONS = 8
-"""Neurons in the lanes of an item, of the networks of one robot."""
+"""Neurons per item in the networks of one robot."""
 
 WORD = 64
-"""Neurons whose firing one integer holds: bit i of word w is neuron 64 w + i of a layer."""
+"""Neurons per word of `Network.fired`: bit i of word w is neuron 64 w + i of a layer."""
 
 
 class Network(NamedTuple):
-    """The neurons of n cells, layer after layer; layers are padded to whole items, or to pairs."""
+    """The neurons of n cells, layer after layer, each padded to whole items or pairs of items."""
 
     model: Any  # constants of the neuron model, whose type selects compiled code
     sizes: np.ndarray  # (n_layers,) neurons per layer
     items: np.ndarray  # (n_layers,) items per layer
-    rows: np.ndarray  # (n,) which row of weights and own constants each cell runs
+    rows: np.ndarray  # (n,) index of each cell's row of `weights` and `own`
     weights: LaneArray  # (n_rows, n_synapses); a layer has a row per presynaptic neuron
     own: tuple[LaneArray, ...]  # (n_rows, n_items) each: constants of each neuron
     state: tuple[LaneArray, ...]  # (n, n_items) each: variables of each neuron
     start: tuple[float, ...]  # their values at reset
-    heard: np.ndarray  # (n_words, SNN_STEPS) scratch: neurons of the layer before that fire
-    fired: np.ndarray  # (n_words, SNN_STEPS) scratch: neurons of the layer that runs that fire
+    presynaptic: np.ndarray  # (n_words, SNN_STEPS) scratch: neurons of the last layer that fire
+    fired: np.ndarray  # (n_words, SNN_STEPS) scratch: neurons of the current layer that fire
     values: LaneArray  # (1, n_items) scratch: values of one cell's neurons
 
 
 def make_network(
     architecture: Architecture, parameters: np.ndarray, rows: np.ndarray, lanes_are_robots: bool
 ) -> Network:
-    """Return the networks of n cells, at reset.
+    """Return the networks of n cells, in the state after a reset.
 
     Args:
-        architecture: of the cells.
+        architecture: architecture of the cells.
         parameters: (W, n_rows, parameters_per_cell), W = 1 if lanes are neurons.
-        rows: (n,) which row each cell runs.
-        lanes_are_robots: W robots side by side, or neurons of one robot.
+        rows: (n,) index of each cell's row of `parameters`.
+        lanes_are_robots: whether the lanes are W robots, or neurons of one robot.
     """
     model, sizes = architecture.model, architecture.layer_sizes
     neurons = 1 if lanes_are_robots else NEURONS
@@ -77,7 +77,7 @@ def make_network(
                   for i in range(n_own)),
         state=tuple(zeros(shape, width) for _ in model.state),
         start=tuple(model.state.values()),
-        heard=np.zeros((words, SNN_STEPS), dtype=np.int64),
+        presynaptic=np.zeros((words, SNN_STEPS), dtype=np.int64),
         fired=np.zeros((words, SNN_STEPS), dtype=np.int64),
         values=zeros((1, sum(items)), width),
     )
@@ -87,7 +87,7 @@ def make_network(
 
 
 class _CellArrays:
-    """One cell's weights and the constants of its neurons, padded, a layer after the other."""
+    """The weights and neuron constants of one cell, padded, layer after layer."""
 
     def __init__(self, architecture: Architecture, parameters: np.ndarray, multiple: int) -> None:
         model, sizes = architecture.model, architecture.layer_sizes
@@ -107,7 +107,7 @@ class _CellArrays:
 
 
 def by_neuron(network: Network, array: LaneArray) -> list[np.ndarray]:
-    """Return the (n, size) numbers of the neurons of each layer, of a network of one robot."""
+    """Return each layer's (n, size) part of a neuron array, for the networks of one robot."""
     found, first = [], 0
     for size, items in zip(network.sizes, network.items, strict=True):
         lanes = array['lane'][:, first : first + items]

@@ -1,12 +1,12 @@
-"""Layers of spiking neurons through a control step, whatever a lane is (see `network`).
+"""One control step of layers of spiking neurons, whose lanes are neurons or robots (see `network`).
 
-Within a layer a neuron's state stays in registers through its SNN steps. A feed-forward network may
-finish a layer's SNN steps before it starts the next layer: there is no delay between layers. Only
-presynaptic neurons that fire are looked at.
+A layer completes all its SNN steps before the next layer starts, which is possible because the
+network is feed-forward and has no delay between layers. So the state of a neuron stays in registers
+during its SNN steps. Only the weights of presynaptic neurons that fire are read.
 
-Of one robot, who fires is in the words of `fired`. Of W robots, the spikes of a neuron in an SNN
-step are a mask over the robots, kept as an integer in `trains` (bit i is the robot in lane i), and
-`fired` has the neurons that fire for some robot.
+For one robot, the words of `fired` hold the neurons that fire. For W robots, the spikes of a neuron
+in an SNN step are a mask over the robots, stored as an integer in `trains` (bit i is the robot in
+lane i), and `fired` holds the neurons that fire in at least one robot.
 """
 
 from numba.cpython.unsafe.numbers import trailing_zeros
@@ -25,29 +25,29 @@ _OCTET = (1 << NEURONS) - 1
 
 @compiled_part
 def run_spiking(network, cell, trains):
-    """Run the network of one cell, of one robot or of W, through one control step.
+    """Run the network of one cell, of one robot or of W robots, for one control step.
 
     Args:
-        network: on entry the neurons of the input layer that get a spike are in `fired` (of one
-            robot); at the end those of the output layer that fire are.
-        cell: which cell.
-        trains: None of one robot; of W robots (n_items, SNN_STEPS) masks, those of the input layer
-            on entry, all written.
+        network: `fired` holds on entry the input neurons that receive a spike (for one robot), and
+            at the end the output neurons that fire.
+        cell: index of the cell.
+        trains: None for one robot; for W robots (n_items, SNN_STEPS) masks, on entry those of the
+            input layer; all are written.
     """
     row = network.rows[cell]
     first = synapse = pre = 0
     for layer in range(network.sizes.shape[0]):
         n = network.items[layer]
-        _hand_over(network.heard, network.fired)
+        _move_spikes(network.presynaptic, network.fired)
         _run_layer(network, cell, row, pre, first, n, synapse, trains)
-        _forget_padding(network.fired, network.sizes[layer])
+        _clear_padding(network.fired, network.sizes[layer])
         synapse += network.sizes[layer - 1] * n if layer > 0 else 0
         first, pre = first + n, n
 
 
 @inlined_part
 def _resting(model, start, state_j, state_k, trains, j, k):
-    """Return whether two input neurons of W robots are as at reset and get no spike."""
+    """Return whether two input neurons of W robots are in the reset state and receive no spike."""
     spiking = 0
     for h in range(SNN_STEPS):
         spiking |= trains[j, h] | trains[k, h]
@@ -63,30 +63,30 @@ def _never(model, start, state_j, state_k, trains, j, k):
 
 _at_rest = by_attribute(
     'rests', {True: _resting, False: _never},
-    'Return whether a step of two input neurons would change nothing and give no spike.',
+    'Return whether a step of two input neurons would change nothing and produce no spike.',
     default=False,
 )
 
 
 @inlined_part
 def clear(fired):
-    """Let no neuron fire, in (n_words, SNN_STEPS)."""
+    """Clear all (n_words, SNN_STEPS) words, so that no neuron fires."""
     for word in range(fired.shape[0]):
         for h in range(SNN_STEPS):
             fired[word, h] = 0
 
 
 @inlined_part
-def _hand_over(heard, fired):
-    """Move the neurons that fire to those that the next layer hears."""
+def _move_spikes(presynaptic, fired):
+    """Move the spikes of a layer to the presynaptic neurons of the next one."""
     for word in range(fired.shape[0]):
         for h in range(SNN_STEPS):
-            heard[word, h], fired[word, h] = fired[word, h], 0
+            presynaptic[word, h], fired[word, h] = fired[word, h], 0
 
 
 @inlined_part
-def _forget_padding(fired, size):
-    """Remove neurons that are padding from those that fire."""
+def _clear_padding(fired, size):
+    """Clear the bits of neurons that are padding."""
     for word in range(fired.shape[0]):
         n = size - WORD * word
         if n < WORD:
@@ -97,20 +97,21 @@ def _forget_padding(fired, size):
 
 @inlined_part
 def _run_layer(network, cell, row, pre, first, n, synapse, trains):
-    """Run a layer through a control step.
+    """Run a layer for one control step.
 
     Args:
-        pre: items of the layer before; 0 for the input layer, each neuron of which gets its own
-            train with weight 1.
-        first, n, synapse: the layer's first item, how many it has, and its first synapse.
-            The other arguments are as of `run_spiking`.
+        pre: number of items of the previous layer; 0 for the input layer, each neuron of which
+            receives its own train with weight 1.
+        first, n, synapse: the layer's first item, its number of items, and its first synapse.
+            The other arguments are those of `run_spiking`.
     """
-    model, weights, heard, fired = network.model, network.weights, network.heard, network.fired
+    model, weights = network.model, network.weights
+    presynaptic, fired = network.presynaptic, network.fired
     zero = like(load(weights, row, 0), 0.0)
     for i in range(0, n, PAIR):
         j, k = first + i, first + i + 1
         state_j, state_k = load_each(network.state, cell, j), load_each(network.state, cell, k)
-        if trains is not None:  # noqa: SIM102 - known when it is compiled, unlike the next
+        if trains is not None:  # noqa: SIM102 - decided at compile time, unlike the next
             if pre == 0 and _at_rest(model, network.start, state_j, state_k, trains, j, k):
                 continue
         own_j, own_k = load_each(network.own, row, j), load_each(network.own, row, k)
@@ -118,26 +119,26 @@ def _run_layer(network, cell, row, pre, first, n, synapse, trains):
             total_j, total_k = zero + bias(model, own_j), zero + bias(model, own_k)
             if pre == 0:
                 if trains is None:
-                    pair = heard[i * NEURONS // WORD, h] >> (i * NEURONS % WORD)
+                    pair = presynaptic[i * NEURONS // WORD, h] >> (i * NEURONS % WORD)
                     input_j, input_k = pair & _OCTET, (pair >> NEURONS) & _OCTET
                 else:
                     input_j, input_k = trains[j, h], trains[k, h]
                 total_j = select(mask_like(zero, input_j), total_j + 1.0, total_j)
                 total_k = select(mask_like(zero, input_k), total_k + 1.0, total_k)
             else:
-                for word in range(heard.shape[0]):
-                    waiting = heard[word, h]
-                    while waiting != 0:
-                        e = WORD * word + trailing_zeros(waiting)
-                        waiting &= waiting - 1
+                for word in range(presynaptic.shape[0]):
+                    remaining = presynaptic[word, h]
+                    while remaining != 0:
+                        e = WORD * word + trailing_zeros(remaining)
+                        remaining &= remaining - 1
                         m = synapse + e * n + i
                         if trains is None:
                             total_j = total_j + load(weights, row, m)
                             total_k = total_k + load(weights, row, m + 1)
                         else:
-                            heard_by = mask_like(zero, trains[first - pre + e, h])
-                            total_j = select(heard_by, total_j + load(weights, row, m), total_j)
-                            total_k = select(heard_by, total_k + load(weights, row, m + 1), total_k)
+                            mask = mask_like(zero, trains[first - pre + e, h])
+                            total_j = select(mask, total_j + load(weights, row, m), total_j)
+                            total_k = select(mask, total_k + load(weights, row, m + 1), total_k)
             spikes_j, state_j = step(model, state_j, own_j, total_j)
             spikes_k, state_k = step(model, state_k, own_k, total_k)
             fired_j, fired_k = bits_of(spikes_j), bits_of(spikes_k)

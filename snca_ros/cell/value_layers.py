@@ -1,4 +1,4 @@
-"""Layers of neurons that send values through a control step, whatever a lane is (see `network`)."""
+"""One control step of layers of neurons that send values; lanes are neurons or robots."""
 
 from sim_node.numerics.jit import compiled_part, inlined_part
 from sim_node.numerics.lane_tuples import load_each, store_each
@@ -9,12 +9,12 @@ from snca_ros.cell.network import NEURONS
 
 @compiled_part
 def run_values(network, cell, flat):
-    """Run the network of one cell, of one robot or of W, through one control step.
+    """Run the network of one cell, of one robot or of W robots, for one control step.
 
     Args:
-        network: its `values` are those of the input layer on entry, of all layers at the end.
-        cell: which cell.
-        flat: None of W robots; of one robot the memory of `values`, a number per neuron.
+        network: `values` holds on entry the values of the input layer, at the end of all layers.
+        cell: index of the cell.
+        flat: None for W robots; for one robot, `values` as an array of one number per neuron.
     """
     row = network.rows[cell]
     first = synapse = pre = 0
@@ -31,9 +31,9 @@ def _run_layer(network, cell, row, pre, neurons, first, n, synapse, flat):
     """Run a layer: y = step(bias + sum of weight times value).
 
     Args:
-        pre, neurons: items and neurons of the layer before; 0 for the input layer, whose neurons
-            get their values as they are.
-        first, n, synapse: the layer's first item, how many it has, and its first synapse.
+        pre, neurons: numbers of items and neurons of the previous layer; 0 for the input layer,
+            whose totals are its values.
+        first, n, synapse: the layer's first item, its number of items, and its first synapse.
     """
     model, weights, values = network.model, network.weights, network.values
     for i in range(n):

@@ -1,7 +1,7 @@
-"""The sub-commands of `snca`, one file each: its options, their checks, and what it prints.
+"""The sub-commands of `snca`, one module each.
 
-The file of a command has `EXAMPLES`, `add_arguments(parser)` and `run(args, parser)`, which returns
-the exit code. It is loaded when the command is called, and not before.
+The module of a command has `EXAMPLES`, `add_arguments(parser)` and `run(args, parser)`, which
+returns the exit code. It is imported only when the command is called.
 """
 
 from types import ModuleType
@@ -9,22 +9,22 @@ from types import ModuleType
 from snca_ros.command_line import load_module
 
 COMMANDS = {
-    'walk': 'let a trained robot walk: all its nodes, a bag, a report',
-    'voxels': 'run voxels of a robot that walks on another machine',
+    'walk': 'run a trained robot with all its nodes, record a bag, print a report',
+    'voxels': 'run voxels of a robot whose simulation is on another machine',
     'policy': 'write the SROS 2 policy of a robot',
     'evolve': 'train parameters offline',
     'history': 'show the progress of runs of evolve',
     'campaign': 'evolve and assess many runs, resumable',
     'assess': 'score controllers on unseen terrains',
-    'study': 'statistics and figures of campaigns, on one page',
-    'report': 'read a bag back: v_x, firing rates, lost messages',
-    'replay': 'a page that plays a walk: of a controller, run or bag',
+    'study': 'compare results of campaigns: statistics and figures on one page',
+    'report': 'report on a bag: v_x, firing rates, lost messages',
+    'replay': 'write a page that plays the walk of a controller, run or bag',
     'render': 'draw walks of controllers and bags: GIF, MP4, PNG',
-    'completion': 'print what lets a shell complete commands and options',
+    'completion': 'print the shell script that completes commands and options',
 }
-"""Name of each command and what it does."""
+"""Name and description of each command."""
 
 
 def load_command(name: str) -> ModuleType:
-    """Return the module of a command; InvalidInput if it needs ROS and there is none."""
+    """Return the module of a command; InvalidInput if it needs ROS and ROS is not installed."""
     return load_module(f'{__name__}.{name}')

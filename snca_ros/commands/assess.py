@@ -1,4 +1,4 @@
-"""The `assess` command: trained controllers on ground that they have not seen, and pushed."""
+"""The `assess` command: scores of trained controllers on unseen terrains and with faults."""
 
 import argparse
 from collections.abc import Sequence
@@ -52,8 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('controllers', nargs='+', metavar='CONTROLLER',
                         help='controller file (.npz), or the name of a bundled one')
     parser.add_argument('--terrains', metavar='NAMES',
-                        help=f'separated by commas (default: the {len(UNSEEN_TERRAINS)} unseen '
-                        f'ones; with --faults {DEFAULT_TERRAIN})')
+                        help='terrains, separated by commas (default: the '
+                        f'{len(UNSEEN_TERRAINS)} unseen ones; with --faults {DEFAULT_TERRAIN})')
     add_option(parser, AssessmentOptions, 'terrain_seeds', metavar='N', default=None)
     add_option(parser, AssessmentOptions, 'engine')
     add_option(parser, AssessmentOptions, 'starts', metavar='N', default=None,
@@ -61,18 +61,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                'adds mean and standard deviation')
     add_option(parser, AssessmentOptions, 'duration')
     parser.add_argument('--faults', action='append', default=[], metavar='SPEC',
-                        help='let a fault grow instead, FROM..TO[..STEP] in place of its number: '
-                        'loss=0..0.9..0.1, delay=0..10, death=0..1@5; again for another panel')
+                        help='sweep a fault, whose number is a range FROM..TO[..STEP]: '
+                        'loss=0..0.9..0.1, delay=0..10, death=0..1@5; repeat for more panels')
     parser.add_argument('--csv', type=Path, metavar='FILE',
-                        help='write a row per episode here, and without --faults the means '
+                        help='write a row per episode to this file, and without --faults the means '
                         'over the terrains')
     parser.add_argument('--figure', type=Path, metavar='FILE',
-                        help='picture to draw, .png, .svg or .pdf')
+                        help='draw a figure, .png, .svg or .pdf')
     add_worker_arguments(parser)
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
-    """Assess as the command line says; return the exit code."""
+    """Assess controllers and print, write and draw their scores; return the exit code."""
     from snca_ros.figures import check_figure  # matplotlib loads slowly
 
     opened = open_workers(args)
@@ -121,14 +121,14 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
 
 def _kinds(args: argparse.Namespace) -> dict[str, tuple[str, ...]]:
-    """Return the names of the terrains that the command line asks for, kind by kind.
+    """Return the names of the terrains of the command line, by kind.
 
-    Without several seeds each terrain is a kind of its own.
+    Without several seeds, each terrain is a kind of its own.
     """
     if args.terrain_seeds is not None:
         for option, given in (('terrains', args.terrains is not None), ('faults', args.faults)):
             if given:
-                expected = f'none with --{option}: it is of the unseen terrains'
+                expected = f'no --terrain-seeds with --{option}: it sets seeds of unseen terrains'
                 raise InvalidInput('terrain_seeds', args.terrain_seeds, expected)
         found = unseen_terrains(args.terrain_seeds)
         if args.terrain_seeds > 1:
@@ -146,7 +146,7 @@ def _assess_faults(
     opened: AbstractContextManager[Workers],
     task: Task,
 ) -> int:
-    """Sweep as the command line says; return the exit code."""
+    """Sweep faults and print, write and draw the scores; return the exit code."""
     sweeps = [parse_sweep(text) for text in args.faults]
     n_starts = 1 + args.starts
     rows: list[tuple] = []

@@ -1,4 +1,4 @@
-"""The `campaign` command: many runs side by side, evolved and assessed, resumable at any moment."""
+"""The `campaign` command: evolves and assesses many runs in parallel, resumable at any moment."""
 
 import argparse
 import contextlib
@@ -16,10 +16,10 @@ from snca_ros.commands.worker_options import add_worker_arguments, open_workers
 from snca_ros.files import RESULTS, RUNS
 from snca_ros.progress import StatusLine
 
-_GOES_ON = 'stopped; the same command goes on with it'
+_STOPPED = 'stopped; repeat the command to continue'
 
 EXAMPLES = """
-  snca campaign config/experiments/small.yaml       # again: goes on with it
+  snca campaign config/experiments/small.yaml       # repeat it to continue
   snca campaign config/experiments/paper-main.yaml --results results/paper --runs runs/paper
   snca campaign config/experiments/small.yaml --scheduler tcp://10.0.0.2:8786
 """
@@ -27,17 +27,17 @@ EXAMPLES = """
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `campaign`."""
-    parser.add_argument('file', type=Path, metavar='FILE', help='the campaign, .yaml')
+    parser.add_argument('file', type=Path, metavar='FILE', help='campaign file, .yaml')
     parser.add_argument('--results', type=Path, metavar='FOLDER',
-                        help='results.csv, histories and controllers '
+                        help='folder of results.csv, histories and controllers '
                         f'(default {RESULTS}/<FILE>)')
     parser.add_argument('--runs', type=Path, metavar='FOLDER', default=RUNS,
-                        help=f'run folders (default {RUNS})')
+                        help=f'folder of the run folders (default {RUNS})')
     add_worker_arguments(parser)
 
 
 class _Printer(Listener):
-    """Prints the runs that end, and below them how far the campaign is."""
+    """Prints the runs that end, and below them the progress of the campaign."""
 
     def __init__(self) -> None:
         self._line = StatusLine()
@@ -61,7 +61,7 @@ class _Printer(Listener):
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
-    """Run, or go on with, a campaign as the command line says; return the exit code."""
+    """Start or resume a campaign; return the exit code."""
     configs = read_campaign(args.file)
     results = Results(args.results or RESULTS / args.file.stem)
     campaign = Campaign(configs, results, args.runs.resolve(), _Printer())
@@ -72,10 +72,10 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
             with contextlib.suppress(BrokenExecutor), open_workers(args) as workers:
                 campaign.work(workers)
     except KeyboardInterrupt:
-        print(f'\n{_GOES_ON}: {campaign.describe()}', file=sys.stderr)
+        print(f'\n{_STOPPED}: {campaign.describe()}', file=sys.stderr)
         return INTERRUPTED
-    except InvalidInput:  # no workers, or no more
-        print(f'{_GOES_ON}: {campaign.describe()}', file=sys.stderr)
+    except InvalidInput:  # there are no workers
+        print(f'{_STOPPED}: {campaign.describe()}', file=sys.stderr)
         raise
     finally:
         results.close()

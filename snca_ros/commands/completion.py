@@ -1,6 +1,6 @@
-"""The `completion` command: the script with which a shell completes the other commands.
+"""The `completion` command: prints the script with which a shell completes the other commands.
 
-A script is made once and complete: no Python starts, and no ROS is loaded, when Tab is pressed.
+The script contains all completions: the shell does not start Python or load ROS for them.
 """
 
 import argparse
@@ -40,7 +40,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     commands = root.add_subparsers()
     for name, text in COMMANDS.items():
         command = commands.add_parser(name, help=text)
-        with contextlib.suppress(InvalidInput):  # without ROS its name alone is completed
+        with contextlib.suppress(InvalidInput):  # without ROS only its name is completed
             load_command(name).add_arguments(command)
         _add_choices(command)
     for name, (_, text) in NODES.items():
@@ -50,7 +50,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
 
 def _add_choices(command: argparse.ArgumentParser) -> None:
-    """Say of a command's options what may follow them."""
+    """Set the choices of a command's options."""
     file = shtab.Choice('file')
     choices = {
         'shape': SHAPES, 'architecture': ARCHITECTURES, 'neuron_model': NEURON_MODELS,

@@ -1,4 +1,4 @@
-"""Options of commands that are declared constants: default, check and help of the declaration."""
+"""Options of commands that are declared fields, which define default, check and help text."""
 
 import argparse
 from collections.abc import Sequence
@@ -8,10 +8,10 @@ from sim_node.model.constants import declaration, help_of, value_of
 
 
 class DeclaredOption(argparse.Action):
-    """Stores the value of an option, checked as the field `declared` says.
+    """Checks the value of an option against a declared field and stores it.
 
     Attributes:
-        declared: the field.
+        declared: the declared field.
     """
 
     def __init__(self, declared: Any, **options: Any) -> None:
@@ -23,7 +23,7 @@ class DeclaredOption(argparse.Action):
         values: str | Sequence[Any] | None, option_string: str | None = None,
     ) -> None:
         """Check and store a value; InvalidInput names the option, the value and the range."""
-        if isinstance(values, str):  # else what stands for an option without a value
+        if isinstance(values, str):  # else it is the value of `const`
             values = value_of(self.option_strings[0], values, self.declared)
         setattr(namespace, self.dest, values)
 
@@ -32,17 +32,17 @@ def add_option(
     parser: argparse.ArgumentParser | argparse._ArgumentGroup, kind: type, name: str,
     flag: str = '', **options: Any,
 ) -> None:
-    """Declare an option whose value is a declared field of a dataclass.
+    """Add an option for a declared field of a dataclass.
 
-    A value that is off is refused as `InvalidInput` that names the option, the value and what is
-    expected.
+    An invalid value raises `InvalidInput`, which names the option, the value and the expectation.
 
     Args:
-        parser: of the command, or a group of its options.
+        parser: parser of the command, or a group of its options.
         kind: the dataclass.
-        name: of the field.
+        name: name of the field.
         flag: the option; --name if empty.
-        options: of `add_argument`; without them default and help are those of the declaration.
+        options: arguments of `add_argument`; the defaults of `default` and `help` are those of the
+            declaration.
     """
     f = declaration(kind, name)
     options = {'default': f.default, 'help': help_of(kind, name), **options}

@@ -1,4 +1,4 @@
-"""The `evolve` command: trains the parameters that the voxel nodes load."""
+"""The `evolve` command: trains the parameters of a robot's cells."""
 
 import argparse
 import math
@@ -26,7 +26,7 @@ from snca_ros.progress import StatusLine, TimeLeft, bars
 
 EXAMPLES = """
   snca evolve --shape tripod --engine batched --evaluations 3000 --run runs/tripod
-  snca evolve --resume runs/tripod                  # go on after Ctrl-C or kill -9
+  snca evolve --resume runs/tripod                  # continue after Ctrl-C or kill -9
   snca evolve --shape 1111-1001 --architecture nU-D --neuron-model mlp --seed 3
   snca evolve --terrain hilly-1-10-0 --strategy cma --workers 4
 """
@@ -41,12 +41,12 @@ _TEXT_WIDTH, _SHORTEST_BAR, _LONGEST_BAR = 71, 8, 40  # of the progress line [ch
 
 
 class ProgressLine:
-    """Shows how far a run is; on a terminal with a bar that is the best score so far, drawn.
+    """Shows the progress of a run; on a terminal with a chart of the best score so far.
 
     Args:
         total: evaluations of the run.
-        done: those that are spent already.
-        task: of the run.
+        done: evaluations that are spent already.
+        task: task of the run.
     """
 
     def __init__(self, total: int, done: int, task: Task) -> None:
@@ -55,7 +55,7 @@ class ProgressLine:
         self._left = TimeLeft(total, done)
 
     def __call__(self, progress: Progress) -> None:
-        """Show `progress` if it is time to."""
+        """Show `progress`, if the last line is old enough."""
         done, total = progress.evaluations, self._left.total
         _, _, best, median, worst, best_so_far = progress.history[-1]
         text = (
@@ -67,7 +67,7 @@ class ProgressLine:
         self._line.show(f'{head}  {text}', last=done >= total)
 
     def _bar(self, progress: Progress) -> str:
-        """Return the best score so far over the evaluations, up to now; '' where it has no room."""
+        """Return a chart of the best score so far over the evaluations; '' if it does not fit."""
         width = min(self._line.width - _TEXT_WIDTH, _LONGEST_BAR)
         if width < _SHORTEST_BAR:
             return ''
@@ -89,17 +89,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
              for name in ('nD', 'D')}
     new.add_argument('--n-c', type=int, help='message channels per side (default '
                      f'{", ".join(f"{n} {name}" for name, n in usual.items())})')
-    new.add_argument('--hidden', help='hidden layer sizes, as 20 or 16,8, or 0 for none')
+    new.add_argument('--hidden', help='sizes of hidden layers, such as 20 or 16,8; 0 for none')
     new.add_argument('--as-printed', action='store_true', default=None,
-                     help="the paper's printed equations where the authors' code differs")
-    new.add_argument('--sensors', help='what each voxel senses, names separated by commas '
+                     help="use the paper's printed equations where the authors' code differs")
+    new.add_argument('--sensors', help='sensors of each voxel, separated by commas '
                      f'(default {",".join(DEFAULT_SENSORS)})')
     for name in _OF_THE_RUN:
         add_option(new, RunConfig, name, default=None)
     for name in _OF_THE_SOLVER:
         add_option(new, Solver, name, default=None)
-    parser.add_argument('--run', type=Path, help=f'run folder (default {RUNS}/<what it is>)')
-    parser.add_argument('--resume', type=Path, metavar='RUN', help='go on with a stopped run')
+    parser.add_argument('--run', type=Path, help=f'run folder (default {RUNS}/<settings>)')
+    parser.add_argument('--resume', type=Path, metavar='RUN', help='continue the run in a folder')
     add_worker_arguments(parser)
 
 
@@ -123,7 +123,7 @@ def _hidden_layers(text: str) -> tuple:
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
-    """Evolve as the command line says; return the exit code."""
+    """Start or resume a run; return the exit code."""
     opened = open_workers(args)
     if args.resume:
         options = ('shape', 'architecture', 'neuron_model', *_OF_THE_CELL, *_OF_THE_RUN,
@@ -131,11 +131,11 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         extra = _given(args, options)
         if extra:
             option = next(iter(extra)).replace('_', '-')
-            parser.error(f'--resume goes on with the run as it is; drop --{option}')
+            parser.error(f'--resume continues a run with its own settings; drop --{option}')
         folder = RunFolder.resume(args.resume)
     else:
         config = _new_config(args)
-        config.new_strategy()  # refuses one that is not installed before there is a folder
+        config.new_strategy()  # raises InvalidInput if it is not installed, before mkdir
         folder = RunFolder.create(args.run or RUNS / config.name, config)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     print(f'{folder.path}: {_describe(folder.config)}', file=sys.stderr)
@@ -146,12 +146,12 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         with opened as workers:
             progress = evolve(folder, workers, line)
     except KeyboardInterrupt:
-        print(f'\nstopped; go on with: snca evolve --resume {folder.path}', file=sys.stderr)
+        print(f'\nstopped; continue with: snca evolve --resume {folder.path}', file=sys.stderr)
         return INTERRUPTED
     except BrokenExecutor:
         print(
             f'\na worker process ended unexpectedly (out of memory?); the run is intact up to '
-            f'the last generation, go on with: snca evolve --resume {folder.path}',
+            f'the last generation, continue with: snca evolve --resume {folder.path}',
             file=sys.stderr,
         )
         return 1

@@ -1,4 +1,4 @@
-"""The `history` command: how runs of `evolve` went or are going, as text and as a figure."""
+"""The `history` command: shows the progress of runs of `evolve`, as text and as a figure."""
 
 import argparse
 import shutil
@@ -10,12 +10,12 @@ from pathlib import Path
 from snca_ros.evolution.history import History, describe, read_history
 
 EXAMPLES = """
-  snca history runs/tripod                          # how it went, or is going
-  snca history runs/tripod --watch                  # drawn again after every generation
+  snca history runs/tripod
+  snca history runs/tripod --watch                  # updates after every generation
   snca history runs/* --figure histories.png
 """
 
-_LOOK_EVERY = 1.0  # s
+_POLL_PERIOD = 1.0  # s
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,13 +23,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('runs', nargs='+', type=Path, metavar='RUN',
                         help='run folder of evolve, or a history.csv')
     parser.add_argument('--watch', action='store_true',
-                        help='draw again after every generation, until all runs are finished')
+                        help='update after every generation, until all runs are finished')
     parser.add_argument('--figure', type=Path, metavar='FILE',
-                        help='picture to draw, .png, .svg or .pdf')
+                        help='draw a figure, .png, .svg or .pdf')
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
-    """Print and draw histories as the command line says; return the exit code."""
+    """Print and draw histories; return the exit code."""
     shown: list[str] = []
     live = args.watch and sys.stdout.isatty()
     width = shutil.get_terminal_size().columns if live else None
@@ -40,14 +40,14 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         if lines != shown:
             if args.figure:
                 _draw(histories, args.figure)
-            if live and shown:  # over what stands there
+            if live and shown:  # overwrite the lines
                 print(f'\x1b[{len(shown)}F\x1b[J', end='')
             if live or finished:
                 print('\n'.join(lines), flush=True)
             shown = lines
         if finished:
             return 0
-        time.sleep(_LOOK_EVERY)
+        time.sleep(_POLL_PERIOD)
 
 
 def _draw(histories: Sequence[History], path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The `render` command: walks of controllers and bags as GIF, MP4 or a strip, without a screen."""
+"""The `render` command: draws walks of controllers and bags as GIF, MP4 or a strip of poses."""
 
 import argparse
 from dataclasses import dataclass
@@ -24,18 +24,18 @@ EXAMPLES = """
 """
 
 _N_POSES = 4  # in a strip
-_WIDTHS = {'.gif': 640, '.mp4': 640, '.png': 1280}  # of one robot's pictures
-_MOST = 1920  # of all, unless chosen
-_LEAST = 100  # of one
+_WIDTHS = {'.gif': 640, '.mp4': 640, '.png': 1280}  # of the pictures of one robot [pixels]
+_MOST = 1920  # largest default width of several robots [pixels]
+_LEAST = 100  # smallest width of one robot [pixels]
 _MOVIE_VIEW, _STRIP_VIEW = 2.4, 1.5  # width of a picture over length of the robot
 
 
 @dataclass(frozen=True)
 class RenderOptions(Checked):
-    """What is shown of a walk, and how."""
+    """Options of drawing a walk."""
 
-    duration: float = constant(8.0, 1 / CONTROL_RATE, 120.0, 'time to show', 's')
-    start: float = constant(0.0, 0.0, 3600.0, 'time of the walk to begin with', 's')
+    duration: float = constant(8.0, 1 / CONTROL_RATE, 120.0, 'duration of the part to draw', 's')
+    start: float = constant(0.0, 0.0, 3600.0, 'begin of the part to draw', 's')
     fps: float = constant(20.0, 1.0, 50.0, 'pictures per second')
     width: int = constant(_WIDTHS['.gif'], _LEAST, 3840, 'width of all pictures', 'pixels')
 
@@ -44,24 +44,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `render`."""
     parser.add_argument('walks', nargs='+', metavar='WALK',
                         help='controller file (.npz), the name of a bundled one, or a bag; '
-                        'several are shown together, on one scale')
+                        'several are drawn together, on one scale')
     parser.add_argument('out', type=Path, metavar='OUT',
                         help=f'.gif, .mp4, or .png for a strip of {_N_POSES} poses')
     parser.add_argument('--label', action='append', metavar='TEXT',
-                        help='of a walk, one option for each (default, of several: their names)')
+                        help='label of a walk, one option per walk (default: names, if several)')
     parser.add_argument('--columns', type=int, metavar='N',
-                        help='robots side by side (default: all; 1 puts them above one another)')
+                        help='number of robots side by side (default: all)')
     add_option(parser, RenderOptions, 'duration')
     add_option(parser, RenderOptions, 'start')
-    parser.add_argument('--terrain', help='of controllers; default: the one of their evolution')
+    parser.add_argument('--terrain', help='terrain of controllers (default: that of evolution)')
     add_option(parser, RenderOptions, 'fps')
     add_option(parser, RenderOptions, 'width', default=None,
-               help=f'{help_of(RenderOptions, "width")[:-1]}, {_WIDTHS[".png"]} of a strip; up to '
-               f'{_MOST} for several)')
+               help=f'{help_of(RenderOptions, "width")[:-1]}, {_WIDTHS[".png"]} for a strip; up to '
+               f'{_MOST} for several robots)')
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
-    """Render as the command line says; return the exit code."""
+    """Draw walks into a file; return the exit code."""
     kind, n = args.out.suffix.lower(), len(args.walks)
     if kind not in _WIDTHS:
         raise InvalidInput('OUT', str(args.out), f'a name that ends in {", ".join(_WIDTHS)}')
@@ -71,8 +71,8 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     _check('width', width, _LEAST * columns, declaration(RenderOptions, 'width').metadata['high'])
     labels = args.label or ([_name(walk) for walk in args.walks] if n > 1 else [''])
     if len(labels) != n:
-        raise InvalidInput('label', labels, f'{n}, one for each walk')
-    # A GIF counts in hundredths of a second.
+        raise InvalidInput('label', labels, f'{n} labels, one for each walk')
+    # The unit of time in a GIF is a hundredth of a second.
     period = round(100 / args.fps) / 100 if kind == '.gif' else 1 / args.fps
     moments = args.start + (
         np.linspace(0.0, args.duration, _N_POSES) if kind == '.png'
@@ -104,7 +104,7 @@ def _check(name: str, value: float, low: float, high: float) -> None:
 
 
 def _name(walk: str) -> str:
-    """Return what to call a walk: the file's name, or the folder's where that says nothing."""
+    """Return the label of a walk: the name of its file, or of the folder for a best.npz."""
     path = Path(walk)
     return path.parent.name if path.name == 'best.npz' and path.parent.name else path.stem
 
@@ -112,7 +112,7 @@ def _name(walk: str) -> str:
 def _film(walk: str, terrain: str | None, moments: np.ndarray) -> Film:
     if Path(walk).is_dir():
         if terrain is not None:
-            raise InvalidInput('terrain', terrain, f'none: {walk} is a bag and has its own')
+            raise InvalidInput('terrain', terrain, f'no --terrain: {walk} is a bag and has its own')
         return film_bag(Path(walk), moments)
     trained = load_controller(find_controller(walk))
     return film_offline(trained, terrain or trained.terrain, moments)

@@ -1,4 +1,4 @@
-"""The `replay` command: a page that plays the walk of a controller, a run's best, or a bag."""
+"""The `replay` command: writes a page that plays the walk of a controller, a run or a bag."""
 
 import argparse
 import sys
@@ -17,9 +17,9 @@ from snca_ros.recording.bag import Recording, read_bag
 from snca_ros.web.replay import bag_page, controller_page
 
 EXAMPLES = """
-  snca replay biped-U-nD-snn-h                      # biped-U-nD-snn-h.html
+  snca replay biped-U-nD-snn-h                      # writes biped-U-nD-snn-h.html
   snca replay biped-U-nD-snn-h hills.html --terrain hilly-1-10-0 --duration 60
-  snca replay runs/tripod                           # its best, with the history of the run
+  snca replay runs/tripod                           # best.npz, with the history of the run
   snca replay bags/mine --controller biped-U-nD-snn-h
 """
 
@@ -35,27 +35,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `replay`."""
     parser.add_argument('source', metavar='CONTROLLER|RUN|BAG',
                         help='controller file or name of a bundled one, run folder of evolve '
-                        '(its best walks, with the history of the run), or bag')
+                        '(best.npz, with the history of the run), or bag')
     parser.add_argument('out', type=Path, nargs='?', metavar='FILE',
                         help=f'page to write (default {PAGE} in the run folder or bag; '
                         'NAME.html for a controller)')
     parser.add_argument('--episode', type=int, default=-1, metavar='N',
-                        help='of a bag with resets, from 0 (default: the last)')
+                        help='number of the episode in a bag with resets, from 0 (default: last)')
     parser.add_argument('--controller', metavar='CONTROLLER',
-                        help='that walked in the bag, which does not hold it: adds thresholds')
+                        help='controller of the walk in the bag, to add thresholds to the page')
     walk = parser.add_argument_group('the walk of a controller')
     add_option(walk, ReplayOptions, 'duration')
-    walk.add_argument('--terrain', default='', help='default: the one it was evolved on')
+    walk.add_argument('--terrain', default='', help='terrain (default: that of its evolution)')
     walk.add_argument('--faults', default='', metavar='SPEC', help=FAULTS_HELP)
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
-    """Write the page that the command line asks for; return the exit code."""
+    """Write the page; return the exit code."""
     source = Path(args.source)
     is_run = (source / 'config.yaml').exists()
     if source.is_dir() and not is_run:
         if args.terrain or args.faults:
-            parser.error('--terrain and --faults are for walks that are no bag yet')
+            parser.error('--terrain and --faults are for controllers and runs, not for bags')
         recording = read_bag(source, args.episode)
         write_bag_page(args.out or source / PAGE, recording, args.controller)
         return 0
@@ -70,7 +70,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
 
 def write_bag_page(path: Path, recording: Recording, controller: str | None) -> None:
-    """Write the page of a recorded walk, and print where it is and what to beware of.
+    """Write the page of a recorded walk, and print its path and any warning.
 
     Raises:
         InvalidInput: the bag has no markers, the controller is of another robot, or `path` cannot

@@ -1,4 +1,4 @@
-"""The `report` command: what a bag tells about a walk, as text, figure and JSON."""
+"""The `report` command: a report on the walk in a bag, as text, figure, JSON and page."""
 
 import argparse
 import json
@@ -22,19 +22,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `report`."""
     parser.add_argument('bag', type=Path, metavar='BAG', help='rosbag2 folder, MCAP or sqlite3')
     parser.add_argument('--figure', type=Path, metavar='FILE',
-                        help='picture to draw, .png, .svg or .pdf '
+                        help='figure to draw, .png, .svg or .pdf '
                         f'(default BAG/{FIGURE})')
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the numbers here too')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the report as JSON, too')
     parser.add_argument('--html', type=Path, nargs='?', const=True, metavar='FILE',
-                        help=f'page that plays the walk (default BAG/{PAGE})')
+                        help=f'write a page that plays the walk (default BAG/{PAGE})')
     parser.add_argument('--controller', metavar='CONTROLLER',
-                        help='that walked in the bag: adds thresholds to the page')
+                        help='controller of the walk in the bag, to add thresholds to the page')
     parser.add_argument('--episode', type=int, default=-1, metavar='N',
-                        help='of a bag with resets, from 0 (default: the last)')
+                        help='number of the episode in a bag with resets, from 0 (default: last)')
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
-    """Report as the command line says; return the exit code."""
+    """Report on a bag; return the exit code."""
     from snca_ros.figures import check_figure  # matplotlib loads slowly
 
     if args.figure:
@@ -59,7 +59,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
 
 def print_report(recording: Recording, gait: Gait, figure: Path) -> None:
-    """Print what a recording tells, and draw it into the file `figure`."""
+    """Print the report on a recording, and draw its figure into the file `figure`."""
     from snca_ros.figures import write_figure
     from snca_ros.recording.figures import draw_recording
 

@@ -1,4 +1,4 @@
-"""The `study` command: statistics and figures of campaigns, and a page that holds them all."""
+"""The `study` command: compares results of campaigns by statistics and figures, on one page."""
 
 import argparse
 from pathlib import Path
@@ -8,7 +8,7 @@ from snca_ros.comparison.study import Study
 from snca_ros.files import write_text
 
 FOLDER = 'study'
-"""Folder that is written into the first results folder, unless another is given."""
+"""Default name of the output folder, in the first results folder."""
 
 EXAMPLES = """
   snca study results/example
@@ -22,19 +22,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('results', nargs='+', type=Path, metavar='RESULTS',
                         help='results folders of campaigns; their tables are joined')
     parser.add_argument('--campaign', action='append', type=Path, default=[], metavar='FILE',
-                        help='only the runs of this campaign file, of which the missing '
-                             'are named; may be given again')
+                        help='compare only the runs of this campaign file, and list the missing '
+                             'ones; may be repeated')
     parser.add_argument('--output', type=Path, metavar='FOLDER',
-                        help='index.html, statistics.csv and figures '
+                        help='folder of index.html, statistics.csv and figures '
                         f'(default RESULTS/{FOLDER})')
     parser.add_argument('--text', action='store_true',
-                        help='only print a summary in Markdown; write nothing')
+                        help='print a summary in Markdown and write no files')
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
-    """Study as the command line says; return the exit code."""
+    """Compare results, and write or print the study; return the exit code."""
     if args.text and args.output:
-        parser.error('--text writes nothing; drop --output')
+        parser.error('--text writes no files; drop --output')
     study = Study(args.results, args.campaign)
     if args.text:
         print(study.summary(), flush=True)

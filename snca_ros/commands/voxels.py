@@ -1,4 +1,4 @@
-"""(ROS) The `voxels` command: some voxels of a robot, whose simulation is on another machine."""
+"""(ROS) The `voxels` command: runs voxels of a robot whose simulation is on another machine."""
 
 import argparse
 import signal
@@ -25,19 +25,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `voxels`."""
     parser.add_argument('controller', help='controller file, or the name of a bundled one')
     parser.add_argument('--only', required=True, metavar='VOXELS',
-                        help='K/N, the Kth of N shares, or voxel_0_0,voxel_1_0,...')
+                        help='voxels to run: K/N, the Kth of N shares, or voxel_0_0,voxel_1_0,...')
     parser.add_argument('--real-time', action='store_true',
-                        help='as the walk: never wait for a neighbour')
+                        help='do not wait for neighbours; needed if the walk has --real-time')
     parser.add_argument('--respawn', action='store_true',
-                        help='start voxels again that were killed')
+                        help='restart voxels that were killed')
     parser.add_argument('--faults', default='', metavar='SPEC',
-                        help=f'the same as of the walk: {FAULTS_HELP}')
+                        help=f'the same as those of the walk: {FAULTS_HELP}')
     parser.add_argument('--robot', default='', help='namespace (default: the shape)')
     add_option(parser, WalkOptions, 'voxels_per_process', metavar='K')
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
-    """Run voxels for one walk, until its simulation is gone; return the exit code."""
+    """Run voxels for one walk, until its simulation has ended; return the exit code."""
     security.check_middleware()
     path = find_controller(args.controller)
     options = WalkOptions(

@@ -1,4 +1,4 @@
-"""(ROS) The `walk` command: brings a robot's graph up, watches it, takes it down, reports."""
+"""(ROS) The `walk` command: starts a robot's nodes, supervises and stops them, and reports."""
 
 import argparse
 import signal
@@ -36,8 +36,8 @@ from snca_ros.web.server import check_port
 EXAMPLES = """
   snca walk                                         # the bundled biped, 30 s, in lock-step
   snca walk runs/tripod/best.npz --terrain hilly-1-10-0 --duration 60
-  snca walk --real-time --respawn                   # at 60 Hz; killed voxels come back
-  snca walk --view                                  # live on a page; click voxels to kill them
+  snca walk --real-time --respawn                   # at 60 Hz; killed voxels are restarted
+  snca walk --view                                  # a live page; click voxels to kill them
   snca walk --faults loss=0.3,death=0.5@10,seed=3   # lost messages; half the voxels die at 10 s
   snca walk --engine batched --bag bags/mine --storage sqlite3
 """
@@ -50,18 +50,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         f'(default {DEFAULT_CONTROLLER})')
     add_option(parser, WalkOptions, 'duration')
     add_option(parser, WalkOptions, 'real_time_factor', '--real-time', dest='real_time', nargs='?',
-               const=1.0, metavar='FACTOR', help='keep to wall time, or to FACTOR times as fast, '
-               'and never wait for a voxel (default: in lock-step, as fast as it goes)')
+               const=1.0, metavar='FACTOR', help='run in real time, or FACTOR times as fast, and '
+               'do not wait for voxels (default: lock-step, as fast as possible)')
     parser.add_argument('--respawn', action='store_true',
-                        help='start voxels again that were killed')
-    parser.add_argument('--terrain', default='', help='default: the one it was evolved on')
+                        help='restart voxels that were killed')
+    parser.add_argument('--terrain', default='', help='terrain (default: that of its evolution)')
     add_option(parser, BodyOptions, 'engine')
-    parser.add_argument('--shape', help='refuse a controller of another shape than this')
+    parser.add_argument('--shape', help='shape that the controller must have')
     parser.add_argument('--robot', default='', help='namespace (default: the shape)')
     add_option(parser, WalkOptions, 'voxels_per_process', metavar='K')
     parser.add_argument('--faults', default='', metavar='SPEC', help=FAULTS_HELP)
     parser.add_argument('--only', default='', metavar='VOXELS',
-                        help='voxels of this machine, if `snca voxels` runs the others elsewhere: '
+                        help='voxels to run, if `snca voxels` runs the others elsewhere: '
                         'K/N, the Kth of N shares, or voxel_0_0,voxel_1_0,..., or none')
     add_option(parser, ViewOptions, 'view', nargs='?', const=ViewOptions.view, default=None,
                metavar='PORT')
@@ -72,7 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
-    """Walk as the command line says; return the exit code."""
+    """Run a walk and report on it; return the exit code."""
     security.check_middleware()
     path = find_controller(args.controller)
     trained = load_controller(path)
@@ -94,7 +94,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         simulation={} if args.view is None else {'recorders': 2 - args.no_bag},
     )
     graph = describe_graph(path, trained, options)
-    # Also checks all names and compiles the cells before ten processes need them.
+    # This also checks all names and compiles the cells before the processes need them.
     offline = _offline_centers(
         trained, args.terrain or trained.terrain, engine, args.duration, faults
     )
@@ -124,7 +124,7 @@ def _offline_centers(
 ) -> np.ndarray:
     simulation = trained.simulation(terrain, engine, faults=faults)
     controller = trained.controller(faults)
-    print('offline first, to compare with', file=sys.stderr, flush=True)
+    print('running the offline episode for comparison', file=sys.stderr, flush=True)
     return run_episode(simulation, controller, duration).centers
 
 

@@ -1,4 +1,4 @@
-"""The options that say where work is done, of the commands `evolve`, `campaign` and `assess`."""
+"""The options for workers of the commands `evolve`, `campaign` and `assess`."""
 
 import argparse
 import os
@@ -12,9 +12,9 @@ from snca_ros.evolution.workers import Workers, cluster_workers, local_workers
 
 @dataclass(frozen=True)
 class WorkerOptions(Checked):
-    """Where work is done on this machine."""
+    """Options of workers on this machine."""
 
-    workers: int = constant(os.cpu_count() or 1, 1, 10_000, 'processes that evaluate')
+    workers: int = constant(os.cpu_count() or 1, 1, 10_000, 'number of worker processes')
 
 
 def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,9 +22,9 @@ def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
     text = declaration(WorkerOptions, 'workers').metadata['text']
     add_option(parser, WorkerOptions, 'workers', help=f'{text} (default: all cores)')
     parser.add_argument('--scheduler', metavar='ADDRESS',
-                        help='use the workers of this Dask scheduler, as tcp://HOST:8786')
+                        help='use the workers of this Dask scheduler, such as tcp://HOST:8786')
 
 
 def open_workers(args: argparse.Namespace) -> AbstractContextManager[Workers]:
-    """Return the workers that the command line asks for; a context manager."""
+    """Return the workers of the command line, as a context manager."""
     return cluster_workers(args.scheduler) if args.scheduler else local_workers(args.workers)

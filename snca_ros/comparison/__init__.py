@@ -1,1 +1,1 @@
-"""Types of controllers compared: tests, tables, figures, one page."""
+"""Comparison of types of controllers: statistical tests, tables, figures and a page."""

@@ -1,4 +1,4 @@
-"""Figures that compare types of controllers, one per shape, as the paper draws them."""
+"""Figures that compare types of controllers, one per shape, like those of the paper."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -28,11 +28,11 @@ from snca_ros.comparison.runs import (
     known_measures,
 )
 from snca_ros.comparison.style import INK, STYLE, new_panel, svg_text
-from snca_ros.comparison.tables import FAST_PEAK, MOSTLY, format_p
+from snca_ros.comparison.tables import FAST_PEAK, VIBRATING_SHARE, format_p
 from snca_ros.recording.gait import VIBRATION
 
-_BOXES = {END: (-0.2, 0.9), UNSEEN: (0.2, 0.4)}  # measure: place and opacity
-_LIGHT_TEXT, _DARK_TEXT = '#fafafa', '#101010'  # on colours, whatever the page
+_BOXES = {END: (-0.2, 0.9), UNSEEN: (0.2, 0.4)}  # measure: offset and opacity
+_LIGHT_TEXT, _DARK_TEXT = '#fafafa', '#101010'  # on coloured cells, in both colour schemes
 _GREY = '#777777'
 
 
@@ -40,8 +40,8 @@ def draw_all(cases: Cases, shown: Sequence[Contrast]) -> list[tuple[str, str, st
     """Return kind, shape and SVG text of every figure.
 
     Args:
-        cases: what to draw.
-        shown: the contrasts whose p-values stand above and below the boxes.
+        cases: the runs.
+        shown: the contrasts whose p-values are drawn above and below the boxes.
 
     Raises:
         InvalidInput: the history of a run cannot be used.
@@ -63,7 +63,7 @@ def draw_all(cases: Cases, shown: Sequence[Contrast]) -> list[tuple[str, str, st
                 ('curves', shape, _draw_curves(shape, of_shape, colors)),
                 _draw_vibration(shape, of_shape, colors) if vibrations
                 else _draw_frequencies(shape, of_shape, colors),
-                ('luck', shape, _draw_luck(shape, of_shape, colors)),
+                ('variance', shape, _draw_variance(shape, of_shape, colors)),
             ]
         return [(kind, shape, svg_text(figure)) for kind, shape, figure in figures]
 
@@ -75,10 +75,11 @@ def _draw_boxes(
     """Draw the speeds of each type as a pair of boxes, on the same scale for every shape.
 
     Args:
-        shape, of_shape: what to draw.
-        shown: contrasts on this shape, to be told as p-values above and below.
-        colors: of the types.
-        extent: least and greatest speed [m/s] of all shapes.
+        shape: name of the shape.
+        of_shape: its runs by type of controller.
+        shown: contrasts on this shape, drawn as p-values above and below the boxes.
+        colors: colours of the types.
+        extent: smallest and largest speed [m/s] of all shapes.
     """
     levels = sum(contrast.measure == END for contrast in shown)
     figure, axes = new_panel(shape, 3.4 + 0.3 * levels, max(4.4, 0.75 * len(of_shape)))
@@ -116,7 +117,7 @@ def _ticks(of_shape: dict[ControllerType, list[Run]]) -> list[str]:
 
 
 def _draw_box(axes: Axes, values: np.ndarray, place: float, color: str, alpha: float) -> None:
-    """Draw a box of quartiles, whiskers after Tukey, and every value as a dot."""
+    """Draw a box of quartiles with Tukey's whiskers, and every value as a dot."""
     values = values[np.isfinite(values)]
     axes.boxplot(
         [values], positions=[place], widths=0.34, patch_artist=True, showfliers=False,
@@ -145,9 +146,9 @@ def _draw_medians(
     shape: str, of_shape: dict[ControllerType, list[Run]], measures: dict[str, str],
     highest: float,
 ) -> Figure:
-    """Draw the table of medians, architectures × neuron models, a panel per measure.
+    """Draw the table of medians, architectures × neuron models, with a panel per measure.
 
-    Types that differ in more than that have rows of their own.
+    Types with other settings have rows of their own.
     """
     usual = [a for a in ARCHITECTURES if a != 'nU-nD' or any(c.architecture == a for c in of_shape)]
     variants = sorted({(c.as_printed, c.settings) for c in of_shape})
@@ -170,7 +171,7 @@ def _draw_medians(
 
 
 def _draw_cell(axes: Axes, x: int, y: int, values: np.ndarray, highest: float) -> None:
-    """Draw the median of values in a cell of the table, or that there are none."""
+    """Draw the median of values in a cell of the table, or a dash if there are none."""
     if not len(values):
         axes.text(x, y, '–', ha='center', va='center')
         return
@@ -201,10 +202,10 @@ def _draw_curves(
 
 
 def median_curve(curves: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Return evaluations, (n,), and the quartiles of the best so far there, (3, n).
+    """Return evaluations, (n,), and the quartiles of the best so far at each of them, (3, n).
 
     Args:
-        curves: (n_points, 2) evaluations and best so far where it rises, of each run.
+        curves: for each run, (n_points, 2) evaluations and best so far, where it rises.
     """
     end = min(curve[-1, 0] for curve in curves)
     start = max(curve[0, 0] for curve in curves)
@@ -220,7 +221,7 @@ def _draw_vibration(
     shape: str, of_shape: dict[ControllerType, list[Run]], colors: dict[ControllerType, str]
 ) -> tuple[str, str, Figure]:
     """Draw every run's share of vibration; return kind, shape and figure."""
-    figure, axes = _draw_each(shape, of_shape, colors, 'vibration', MOSTLY)
+    figure, axes = _draw_each(shape, of_shape, colors, 'vibration', VIBRATING_SHARE)
     axes.set_ylabel(f'power above {VIBRATION:g} Hz (share)')
     axes.set_ylim(-0.02, 1.02)
     return 'vibration', shape, figure
@@ -240,7 +241,7 @@ def _draw_each(
     shape: str, of_shape: dict[ControllerType, list[Run]], colors: dict[ControllerType, str],
     column: str, line: float,
 ) -> tuple[Figure, Axes]:
-    """Draw every run's value, sorted, and their median; boxes would fill gaps between gaits."""
+    """Draw every run's value, sorted, and their median; boxes would hide gaps between gaits."""
     figure, axes = new_panel(shape, width=max(4.4, 0.75 * len(of_shape)))
     for place, (controller, runs) in enumerate(of_shape.items()):
         values = np.sort(column_of(runs, column))
@@ -254,10 +255,10 @@ def _draw_each(
     return figure, axes
 
 
-def _draw_luck(
+def _draw_variance(
     shape: str, of_shape: dict[ControllerType, list[Run]], colors: dict[ControllerType, str]
 ) -> Figure:
-    """Draw what the engine of evolution says against what the other and pushed starts say."""
+    """Draw v_x at the end of evolution against v_x in the other engine and from pushed starts."""
     figure, axes = new_panel(shape, 4.0)
     for controller, runs in of_shape.items():
         own, color = column_of(runs, END), colors[controller]

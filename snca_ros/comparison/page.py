@@ -1,4 +1,4 @@
-"""The page of a study: one HTML file that needs nothing else."""
+"""The page of a study, one self-contained HTML file."""
 
 import html
 import re
@@ -14,9 +14,10 @@ FIGURES = {
     'boxes': (
         'Speed at the end of evolution and on unseen terrains',
         'Left box of each pair: v_x of the best controller in the engine in which it evolved; '
-        'right, paler: its mean over the 16 unseen terrains. Boxes are quartiles, whiskers reach '
-        'to 1.5 times their distance, dots are runs. Above pairs of the left, below pairs of the '
-        'right boxes: two-sided Mann-Whitney p, in brackets after Holm.',
+        'right box, paler: its mean over the 16 unseen terrains. Boxes are quartiles, whiskers '
+        'extend to 1.5 times the interquartile range, dots are runs. The p-values are two-sided '
+        "Mann-Whitney, with Holm's correction in brackets: above the boxes for the left ones, "
+        'below for the right ones.',
     ),
     'medians': (
         'Architecture × neuron model',
@@ -29,22 +30,22 @@ FIGURES = {
     'vibration': (
         'Vibration',
         f'Share of the power of the actuation of all voxels together above {VIBRATION:g} Hz, of '
-        'each run, and their median. Above the dotted line robots count as vibrating.',
+        'each run, and their median. Runs above the dotted line count as vibrating.',
     ),
     'frequency': (
         'Vibration, by its peak',
         'Frequency at which the power of the actuation of all voxels together peaks, of each run, '
-        'and their median; 30 Hz is the highest that can be. Above the dotted line robots count '
-        'as vibrating.',
+        'and their median; the largest possible is 30 Hz. Runs above the dotted line count as '
+        'vibrating.',
     ),
-    'luck': (
-        'How lucky the champions are',
-        'v_x in the engine in which the controller evolved, against its one episode in the other '
-        'engine (rings) and its mean and standard deviation over pushed starts (discs). On the '
-        'dotted line both are the same; discs below it were luck.',
+    'variance': (
+        'Variance of the best controllers',
+        'v_x at the end of evolution, of one episode, against v_x in the other engine, also of one '
+        'episode (rings), and against mean and standard deviation over pushed starts (discs). On '
+        'the dotted line both are equal; below it, the episode of evolution overestimates v_x.',
     ),
 }
-"""Kind of figure to its heading and caption."""
+"""Heading and caption of each kind of figure."""
 
 _WIDE = 400.0  # pt; a figure as wide scrolls on a phone instead of shrinking
 
@@ -73,17 +74,18 @@ tr { border-bottom: 1px solid #8888; }
 """
 
 _METHOD = f"""
-Two-sided Mann-Whitney U tests, exact where no two values are equal and groups have fewer than 50.
-Holm's correction is for the family of all pairs of controllers on one shape in one measure. A is
-Vargha and Delaney's: the probability that a run of the first controller is faster than one of the
-second, 0.5 being no effect; its {100 * LEVEL:g} % interval is Newcombe's (method 5). End of
-evolution: the one episode of the evolution's best in the engine in which it evolved, the paper's
-measure. Other engine: its episode in the other one. Pushed mean: its mean over 20 starts whose
-masses are pushed by up to a micrometre, in pymunk; a single episode is chaotic, so this is the
-measure to judge by. Unseen terrains: its mean over 16, in pymunk. Robust: of the last whole
-population the individual with the best mean over 20 pushed starts in the run's engine; its mean
-over 20 other starts in pymunk. Runs of the first physics have no robust controller, and their best
-was often chosen by pymunk among the best quarter: a curve may end above it.
+Tests are two-sided Mann-Whitney U tests, exact if no two values are equal and both groups have
+fewer than 50. Holm's correction is for the family of all pairs of controllers on one shape in one
+measure. A is Vargha and Delaney's A: the probability that a run of the first controller is faster
+than one of the second; 0.5 means no effect. Its {100 * LEVEL:g} % interval is Newcombe's (method
+5). End of evolution: one episode of the run's best controller in the engine in which it evolved,
+the paper's measure. Other engine: one episode in the other engine. Pushed mean: the mean over 20
+starts whose masses are pushed by up to a micrometre, in pymunk; since a single episode is chaotic,
+this is the measure for judgements. Unseen terrains: the mean over 16 terrains, in pymunk. Robust:
+the controller is the individual of the last whole population with the best mean over 20 pushed
+starts in the run's engine, the value is its mean over 20 other starts in pymunk. Runs of the first
+physics have no robust controller, and their best one was often chosen by pymunk among the best
+quarter, so a curve may end above its value.
 """
 
 
@@ -94,10 +96,10 @@ def page(
     """Return the HTML of a study.
 
     Args:
-        cases: what it is of.
-        missing, warned: lines that name missing runs and dangers.
-        tables: to show.
-        figures: kind, shape and SVG text of each, see `comparison.draw_all`.
+        cases: the runs of the study.
+        missing, warned: lines about missing runs, and warnings.
+        tables: tables of the page.
+        figures: kind, shape and SVG text of each figure, see `comparison.figures.draw_all`.
     """
     n_runs = sum(len(runs) for of_shape in cases.values() for runs in of_shape.values())
     title = f'{n_runs} runs: {", ".join(cases)}'
@@ -130,14 +132,14 @@ def _list(heading: str, lines: Sequence[str]) -> list[str]:
     return [f'<div class="warning"><h2>{heading}</h2><ul>{items}</ul></div>']
 
 
-def _figure(kind: str, shape: str, svg: str, rests_on: str) -> str:
-    """Return an SVG in the text's own colour, its names apart from those of other figures."""
+def _figure(kind: str, shape: str, svg: str, evidence_text: str) -> str:
+    """Return the HTML of a figure: SVG in the colours of the page, with unique identifiers."""
     svg = svg[svg.index('<svg') :].replace(INK, 'currentColor').replace(PAPER, 'none')
     svg = re.sub(r'( id="|href="#|url\(#)', rf'\g<1>{kind}-{shape}-', svg)
     label = html.escape(f'{FIGURES[kind][0]}: {shape}')
     svg = svg.replace('<svg', f'<svg role="img" aria-label="{label}"', 1)
     wide = ' class="wide"' if float(svg.partition('width="')[2].partition('pt"')[0]) > _WIDE else ''
-    caption = html.escape(f'{shape}: {rests_on}')
+    caption = html.escape(f'{shape}: {evidence_text}')
     return f'<figure{wide}>{svg}<figcaption>{caption}</figcaption></figure>'
 
 

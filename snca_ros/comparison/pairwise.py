@@ -1,4 +1,4 @@
-"""Types of controllers against each other, pair by pair, on each shape."""
+"""Pairwise comparison of types of controllers on each shape."""
 
 import csv
 import io
@@ -14,14 +14,14 @@ COLUMNS = (
     'shape', 'measure', 'first', 'second', 'n_first', 'n_second', 'median_first', 'median_second',
     'u', 'p', 'p_holm', 'a', 'a_low', 'a_high',
 )
-"""Of statistics.csv; u and a are those of the first type."""
+"""Columns of statistics.csv; u and a are those of the first type."""
 
 _MOST_PAIRED = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Contrast:
-    """Two types of controllers compared on a shape, in one of `MEASURES`.
+    """The comparison of two types of controllers on a shape, in one of `MEASURES`.
 
     `p_holm` is corrected for the family of all pairs of types on the shape in that measure.
     """
@@ -42,7 +42,7 @@ class Contrast:
 
 
 def contrasts(cases: Cases) -> list[Contrast]:
-    """Return all pairs of types on every shape, in each measure that all runs have."""
+    """Return the contrasts of all pairs of types on every shape, in each measure of all runs."""
     found = []
     measures = known_measures(cases)
     for shape, of_shape in cases.items():
@@ -58,7 +58,10 @@ def contrasts(cases: Cases) -> list[Contrast]:
 
 
 def shown_contrasts(found: list[Contrast]) -> list[Contrast]:
-    """Return those for figures and summaries: of many types on a shape, the first with each."""
+    """Return the contrasts for figures and summaries.
+
+    These are all contrasts, or on shapes with more than three types those with the first type.
+    """
     types: dict[str, list[ControllerType]] = {}
     for contrast in found:
         of_shape = types.setdefault(contrast.shape, [])
@@ -71,7 +74,7 @@ def shown_contrasts(found: list[Contrast]) -> list[Contrast]:
 
 
 def contrasts_csv(found: list[Contrast]) -> str:
-    """Return the text of statistics.csv, a row per contrast."""
+    """Return the text of statistics.csv, one row per contrast."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator='\n')
     writer.writerow(COLUMNS)

@@ -1,4 +1,4 @@
-"""Statistics of two groups of runs: a rank test, its correction for many, an effect size."""
+"""Statistics of two groups of runs: rank test, correction for several tests, effect size."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,18 +8,18 @@ from scipy.optimize import brentq
 from scipy.stats import mannwhitneyu, norm
 
 LEVEL = 0.95
-"""Of confidence intervals."""
+"""Level of confidence intervals."""
 
-_MOST_EXACT = 50  # values in each group, above which the normal approximation serves, as in R
+_MOST_EXACT = 50  # values in a group from which on the normal approximation is used, as in R
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two groups compared.
+    """The comparison of two groups.
 
     Attributes:
         u: Mann-Whitney U of the first group.
-        p: two-sided p-value of equal distributions, exact where there are no ties.
+        p: two-sided p-value for equal distributions, exact if there are no ties.
         a: Vargha-Delaney A, the probability that a value of the first group is above one of the
             second, ties counting half: 0.5 is no effect.
         a_low, a_high: its confidence interval at `LEVEL`.
@@ -33,9 +33,9 @@ class Comparison:
 
 
 def compare(first: np.ndarray, second: np.ndarray) -> Comparison:
-    """Compare two groups of values, (n_first,) and (n_second,), neither empty nor with NaN.
+    """Compare two groups of values, (n_first,) and (n_second,), not empty and without NaN.
 
-    The p-value is that of R's `wilcox.test`: with ties or in large groups from the normal
+    The p-value is that of R's `wilcox.test`: with ties or in large groups it is the normal
     approximation, corrected for ties and continuity.
     """
     together = np.concatenate((first, second))
@@ -47,11 +47,11 @@ def compare(first: np.ndarray, second: np.ndarray) -> Comparison:
 
 
 def effect_interval(a: float, n_first: int, n_second: int) -> tuple[float, float]:
-    """Return the confidence interval at `LEVEL` of an effect size A of groups of these sizes.
+    """Return the confidence interval at `LEVEL` of an effect size A, for groups of these sizes.
 
-    Newcombe's method 5 (Statistics in Medicine 25:559, 2006): the values of A that are as far from
-    `a` as their own standard error allows. Unlike a bootstrap it has a width at 0 and 1, where
-    groups do not overlap.
+    Newcombe's method 5 (Statistics in Medicine 25:559, 2006): the interval of the values of A whose
+    distance from `a` does not exceed z times their standard error. Unlike a bootstrap interval it
+    has a width at 0 and 1, where groups do not overlap.
     """
     z2 = norm.ppf(0.5 + LEVEL / 2.0) ** 2 / (n_first * n_second)
     others = 0.5 * (n_first + n_second) - 1.0
@@ -60,14 +60,14 @@ def effect_interval(a: float, n_first: int, n_second: int) -> tuple[float, float
         spread = 1.0 + others * ((1.0 - x) / (2.0 - x) + x / (1.0 + x))
         return (x - a) ** 2 - z2 * x * (1.0 - x) * spread
 
-    inside = min(max(a, 1e-9), 1.0 - 1e-9)  # 0 and 1 are as far from themselves as they may be
+    inside = min(max(a, 1e-9), 1.0 - 1e-9)  # at 0 and 1 themselves, `beyond` is 0
     low = brentq(beyond, 0.0, inside) if a > 0.0 else 0.0
     high = brentq(beyond, inside, 1.0) if a < 1.0 else 1.0
     return low, high
 
 
 def holm(p: Sequence[float]) -> np.ndarray:
-    """Return the p-values of one family of tests, corrected after Holm, (n,)."""
+    """Return the p-values of a family of tests with Holm's correction, (n,)."""
     order = np.argsort(p)
     grown = np.array(p)[order] * np.arange(len(p), 0, -1)
     corrected = np.empty(len(p))

@@ -1,4 +1,4 @@
-"""The finished runs of campaigns, joined and sorted by shape and type of controller."""
+"""The finished runs of campaigns, grouped by shape and type of controller."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -26,23 +26,24 @@ ENDPOINTS = {
     END: 'end of evolution', OTHER_ENGINE: 'other engine', PUSHED: 'pushed mean',
     UNSEEN: 'unseen terrains', ROBUST: 'robust',
 }
-"""What the endpoints are called."""
+"""Columns of the endpoints and their names in tables."""
 
 MEASURES = {column: ENDPOINTS[column] for column in (END, UNSEEN, PUSHED, ROBUST)}
-"""Columns in which types of controllers are compared, and what they are called."""
+"""Columns in which types of controllers are compared, and their names in tables."""
 
 FEWEST_SEEDS = 3
-"""Below which a case comes with a warning."""
+"""Number of seeds below which a case has a warning."""
 
 _NUMBERS = 'substeps', 'iterations', 'population', 'sigma', 'duration', 'transient'
 
 
 @dataclass(frozen=True)
 class ControllerType:
-    """What the paper calls an embodied NCA: an architecture and a neuron model.
+    """A type of controller, the paper's embodied NCA: an architecture and a neuron model.
 
     Attributes:
-        settings: in which its runs differ from others that are shown: engine, terrain, ...
+        architecture, neuron_model, as_printed: see `Architecture`.
+        settings: settings in which its runs differ from other runs: engine, terrain, ...
     """
 
     architecture: str
@@ -51,19 +52,19 @@ class ControllerType:
     settings: str = ''
 
     def __str__(self) -> str:
-        """Return the name that the paper gives it, such as 'U-nD SNN-H'."""
+        """Return the paper's name of the type, such as 'U-nD SNN-H'."""
         return f'{self.architecture} {self.neuron_model.upper()}{self.variant}'
 
     @property
     def variant(self) -> str:
-        """Return the end of the name: what is unusual beside architecture and neuron model."""
+        """Return the end of the name: what differs besides architecture and neuron model."""
         printed = ' as printed' if self.as_printed else ''
         settings = f', {self.settings}' if self.settings else ''
         return f'{printed}{settings}'
 
     @property
     def order(self) -> tuple[bool, int, int, str]:
-        """Return what sorts types: the paper's own comes first."""
+        """Return the sort key of types: the paper's own type comes first."""
         model = list(NEURON_MODELS).index(self.neuron_model)
         return self.as_printed, ARCHITECTURES.index(self.architecture), -model, self.settings
 
@@ -77,18 +78,18 @@ class Run:
 
     @property
     def controller(self) -> ControllerType:
-        """Return the type of its controller, without settings."""
+        """Return the type of the run's controller, without settings."""
         row = self.row
         return ControllerType(row['architecture'], row['neuron_model'], row['as_printed'] == 'true')
 
     @property
     def evaluations(self) -> int:
-        """Return the evaluations that it has spent."""
+        """Return the number of evaluations of the run."""
         return int(self.row['evaluations'])
 
     @property
     def settings(self) -> list[str]:
-        """Return what it is beside its case, budget and seed, a word each: terrain, engine, ..."""
+        """Return the settings besides case, budget and seed, one word each: terrain, engine, ..."""
         row = self.row
         collides = {'false': [], 'true': ['self-collision']}.get(
             row['self_collision'], [f'self-collision-{row["self_collision"]}']
@@ -100,25 +101,29 @@ class Run:
         ]
 
     def value(self, column: str) -> float:
-        """Return the number in a column of its row; NaN if it is not known."""
+        """Return the number in a column of the run's row; NaN if it is not known."""
         return float(self.row[column] or 'nan')
 
     @property
     def knows_vibration(self) -> bool:
-        """Tell whether the share of its vibration was measured; of the first tables it was not."""
+        """Return whether the share of vibration is known; the first tables do not have it."""
         return not np.isnan(self.value('vibration'))
 
 
 Cases = dict[str, dict[ControllerType, list[Run]]]
-"""Shape to type of controller to runs, at least one each."""
+"""Runs by shape and type of controller, at least one for each type."""
 
 
 def read_cases(folders: Sequence[Path], campaigns: Sequence[Path] = ()) -> Cases:
-    """Return the runs of all results folders, each once; if there are campaign files, theirs.
+    """Return the runs of all results folders, each once.
+
+    Args:
+        folders: results folders.
+        campaigns: campaign files; if there are any, only their runs are returned.
 
     Raises:
-        InvalidInput: a table is missing or damaged, no run is left, two tables do not agree, or
-            a campaign file is off.
+        InvalidInput: a table is missing or damaged, there is no run, two tables do not agree, or
+            a campaign file is invalid.
     """
     runs: dict[str, Run] = {}
     wanted = {config.name for path in campaigns for config in read_campaign(path)}
@@ -131,7 +136,7 @@ def read_cases(folders: Sequence[Path], campaigns: Sequence[Path] = ()) -> Cases
             run = Run(row, folder / 'histories' / f'{row["run"]}.csv')
             known = runs.setdefault(row['run'], run)
             if known.row != row:
-                expected = f'the row that {known.history.parents[1] / "results.csv"} has for it'
+                expected = f'the same row as in {known.history.parents[1] / "results.csv"}'
                 raise InvalidInput('run', row['run'], expected, str(table))
     if not runs:
         shown = ', '.join(map(str, folders))
@@ -172,13 +177,13 @@ def fastest(runs: Sequence[Run]) -> Run:
 
 
 def known_measures(cases: Cases) -> dict[str, str]:
-    """Return those of `MEASURES` that all runs have; the first tables know no robust controller."""
+    """Return the `MEASURES` that all runs have; the first tables have no robust controller."""
     runs = [run for of_shape in cases.values() for of in of_shape.values() for run in of]
     return {c: name for c, name in MEASURES.items() if not np.isnan(column_of(runs, c)).any()}
 
 
 def column_of(runs: Sequence[Run], column: str) -> np.ndarray:
-    """Return the numbers of runs in a column, (n_runs,); NaN where they are not known."""
+    """Return the values of runs in a column, (n_runs,); NaN where they are not known."""
     return np.array([run.value(column) for run in runs])
 
 
@@ -189,9 +194,10 @@ def controller_types(cases: Cases) -> list[ControllerType]:
 
 
 def missing_runs(cases: Cases, campaigns: Sequence[Path]) -> list[str]:
-    """Return lines that name the cases which lack runs.
+    """Return lines that name the cases with missing runs.
 
-    Expected are the runs of the campaign files; without any, each type of controller on each shape.
+    Expected are the runs of the campaign files; without files, each type of controller on each
+    shape.
     """
     expected: Counter[tuple[str, ControllerType]] = Counter()
     done: Counter[tuple[str, ControllerType]] = Counter()
@@ -215,7 +221,7 @@ def missing_runs(cases: Cases, campaigns: Sequence[Path]) -> list[str]:
 
 
 def warnings(cases: Cases) -> list[str]:
-    """Return lines that tell why a comparison may mislead."""
+    """Return lines that describe why a comparison may be misleading."""
     lines = []
     for shape, of_shape in cases.items():
         for controller, runs in of_shape.items():
@@ -225,7 +231,7 @@ def warnings(cases: Cases) -> list[str]:
             diverged = sum(any(np.isinf(run.value(m)) for m in MEASURES) for run in runs)
             if diverged:
                 lines.append(f'{shape}, {controller}: {diverged} of {len(runs)} runs diverged in '
-                             'an episode; they count as slowest, and figures leave them out')
+                             'an episode; they count as slowest, and figures omit them')
         everything = [run for runs in of_shape.values() for run in runs]
         if len({run.evaluations for run in everything}) > 1:
             lines.append(f'{shape}: unequal budgets: {evidence(of_shape)}')
@@ -242,14 +248,14 @@ def describe_seeds(runs: Sequence[Run]) -> str:
 
 
 def describe_evaluations(runs: Sequence[Run]) -> str:
-    """Return the evaluations per run as text: a number, or the least and the most."""
+    """Return the evaluations per run as text: a number, or the smallest and the largest."""
     spent = [run.evaluations for run in runs]
     least, most = min(spent), max(spent)
     return f'{least:,}' if least == most else f'{least:,} to {most:,}'
 
 
 def evidence(of_shape: dict[ControllerType, list[Run]]) -> str:
-    """Return how many seeds and evaluations there are of each type of controller."""
+    """Return the numbers of seeds and evaluations of each type of controller, as text."""
     types: dict[str, list[str]] = {}
     for controller, runs in of_shape.items():
         spent = f'{describe_seeds(runs)} × {describe_evaluations(runs)} evaluations'

@@ -1,4 +1,4 @@
-"""A study: what is compared in results of campaigns, its tables, and the files that hold it all."""
+"""A study: the comparison of results of campaigns, its tables and its files."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,18 +17,18 @@ from snca_ros.comparison.tables import (
 
 
 class Study:
-    """The runs of results folders, compared.
+    """A comparison of the runs of results folders.
 
     Args:
-        results: folders of results of campaigns; their tables are joined.
-        campaigns: only the runs of these campaign files; all if there is none.
+        results: results folders of campaigns; their tables are joined.
+        campaigns: campaign files, whose runs alone are compared; without files, all runs.
 
     Attributes:
-        warnings: lines that name dangers.
-        missing: lines that name runs of the campaigns that have no results.
+        warnings: lines that describe why the comparison may be misleading.
+        missing: lines that name runs without results.
 
     Raises:
-        InvalidInput: a table or a campaign file cannot be read or is damaged.
+        InvalidInput: a table or a campaign file cannot be read or is invalid.
     """
 
     def __init__(self, results: Sequence[Path], campaigns: Sequence[Path] = ()) -> None:
@@ -43,14 +43,14 @@ class Study:
         ]
 
     def summary(self) -> str:
-        """Return the tables with the shown contrasts, warnings and missing runs, in Markdown."""
+        """Return tables, warnings and missing runs in Markdown."""
         return '\n\n'.join([
             *(table.markdown() for table in self._with(contrasts_table(self._shown))),
             *titled_list('Warnings', self.warnings), *titled_list('Missing', self.missing),
         ])
 
     def files(self) -> dict[str, str]:
-        """Return index.html, statistics.csv and figures (.svg): names to texts."""
+        """Return the files of the study, name to text: index.html, statistics.csv and SVG files."""
         from snca_ros.comparison.figures import draw_all  # matplotlib loads slowly
         from snca_ros.comparison.page import page
 

@@ -1,4 +1,4 @@
-"""What a study finds as tables of text, in Markdown."""
+"""The tables of a study, with text in all cells."""
 
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -28,7 +28,7 @@ from snca_ros.recording.gait import VIBRATION
 
 @dataclass(frozen=True)
 class Table:
-    """A table: what it is of, its header and its rows, all of the same length."""
+    """A table: title, header and rows, all rows as long as the header."""
 
     title: str
     header: list[str]
@@ -41,14 +41,14 @@ class Table:
 
 
 def format_p(p: float) -> str:
-    """Return a p-value as text, with one more digit where it would read like 0.05 itself."""
+    """Return a p-value as text, with a fourth digit if it would otherwise read 0.050."""
     if p < 0.001:
         return '< 0.001'
     return f'{p:.4f}' if f'{p:.3f}' == '0.050' else f'{p:.3f}'
 
 
 def speeds_table(cases: Cases) -> Table:
-    """Return seeds, evaluations and speeds of each case."""
+    """Return the table of seeds, evaluations and speeds of each case."""
     known = [c for c in ENDPOINTS if c != ROBUST or c in known_measures(cases)]
     columns = {**{c: ENDPOINTS[c] for c in known}, 'frequency': 'frequency [Hz]'}
     rows = [
@@ -69,7 +69,7 @@ def _format_quartiles(runs: list[Run], column: str) -> str:
 
 
 def champions_table(cases: Cases) -> Table:
-    """Return the best run of each case: the fastest in the mean over pushed starts."""
+    """Return the table of the best run of each case: the fastest in the mean over pushed starts."""
     columns = {c: ENDPOINTS[c] for c in (END, OTHER_ENGINE, UNSEEN)}
     robust = ROBUST in known_measures(cases)
     rows = []
@@ -91,35 +91,35 @@ def _format(value: float) -> str:
 
 
 def _format_starts(run: Run, what: str, starts: str) -> tuple[str, str]:
-    """Return mean and standard deviation over starts, and which starts."""
+    """Return mean and standard deviation over starts, and the numbers of the starts, as text."""
     mean, std = (run.value(f'v_x_{what}_{of}') for of in ('mean', 'std'))
     return f'{mean:.2f} ± {std:.2f}', run.row[starts].replace('-', ' to ')
 
 
-MOSTLY = 0.5
-"""Share of the actuation's power above `VIBRATION` above which a robot counts as vibrating."""
+VIBRATING_SHARE = 0.5
+"""A robot counts as vibrating if a larger share of its actuation's power is above `VIBRATION`."""
 
 SLOWEST = 0.5
-"""Pushed mean [m/s] below which a share of it that is kept says nothing."""
+"""Smallest pushed mean [m/s] for which the share kept on unseen terrains is meaningful."""
 
 FAST_PEAK = 4.0
-"""Frequency [Hz] of the peak of that power above which one counts as vibrating in a row of the
-first tables, which do not have the share: a voxel contracts and expands in less than 15 steps."""
+"""In the first tables, which lack the share, a robot counts as vibrating if the power of its
+actuation peaks above this frequency [Hz]: a voxel contracts and expands within 15 steps."""
 
 
 def vibrates(run: Run) -> bool:
-    """Tell whether a run's best controller vibrates."""
+    """Return whether a run's best controller vibrates."""
     if run.knows_vibration:
-        return run.value('vibration') > MOSTLY
+        return run.value('vibration') > VIBRATING_SHARE
     return run.value('frequency') > FAST_PEAK
 
 
 def vibration_table(cases: Cases) -> Table:
-    """Return how many runs of each case vibrate, and what those and the others keep of v_x.
+    """Return the table of how many runs vibrate, and of the v_x they and the others keep.
 
-    Kept is the share of the pushed mean that is left on unseen terrains; runs below `SLOWEST` are
-    left out of the medians. If there are runs of the first tables, of which the peak alone is
-    known, it decides about those, and kept is the share of v_x at the end of evolution, of all
+    The share kept is v_x on unseen terrains over the pushed mean; its medians omit runs below
+    `SLOWEST`. For runs of the first tables only the peak is known, so it decides whether they
+    vibrate; if there are any, the share kept is relative to v_x at the end of evolution, of all
     runs that walk forwards.
     """
     rows = []
@@ -138,7 +138,7 @@ def vibration_table(cases: Cases) -> Table:
             ])
     vibrating = f'above {FAST_PEAK:g} Hz'
     if shares:
-        vibrating = f'above {100 * MOSTLY:g} %{"" if known else f" (or {FAST_PEAK:g} Hz)"}'
+        vibrating = f'above {100 * VIBRATING_SHARE:g} %{"" if known else f" (or {FAST_PEAK:g} Hz)"}'
     header = ['shape', 'controller', *([f'power above {VIBRATION:g} Hz [%]'] if shares else ()),
               'peak [Hz]' if shares else 'frequency [Hz]', vibrating,
               f'{"pushed mean" if known else "v_x"} [m/s] and share kept of those',
@@ -162,9 +162,10 @@ def _format_pace(runs: list[Run], by_pushed: bool) -> str:
 
 
 def factors_table(cases: Cases) -> Table:
-    """Return in how many shapes one architecture, or one neuron model, has the larger median.
+    """Return the table of how many shapes one architecture or neuron model is better on.
 
-    All else is alike: neuron models are compared in one architecture, and the other way round.
+    Better means the larger median. Neuron models are compared within one architecture, and
+    architectures with one neuron model.
     """
     measures = known_measures(cases)
     found: dict[tuple[str, str, str], list[list[bool]]] = {}
@@ -193,7 +194,7 @@ def _median(runs: list[Run], column: str) -> float:
 
 
 def contrasts_table(found: list[Contrast]) -> Table:
-    """Return p-values and effect sizes of contrasts."""
+    """Return the table of p-values and effect sizes of contrasts."""
     header = ['shape', 'v_x', 'first', 'second', 'medians [m/s]', 'p', 'p (Holm)',
               f'A ({100 * LEVEL:g} % interval)']
     rows = []
@@ -209,5 +210,5 @@ def contrasts_table(found: list[Contrast]) -> Table:
 
 
 def titled_list(title: str, lines: list[str]) -> list[str]:
-    """Return a Markdown list under a title; nothing if there are no lines."""
+    """Return a Markdown list with a title, as a list of one text; empty if there are no lines."""
     return ['\n'.join([f'**{title}**', '', *(f'- {line}' for line in lines)])] if lines else []

@@ -1,1 +1,1 @@
-"""Offline evolution: strategy, episodes, checkpoints and the script that trains controllers."""
+"""Offline evolution of controllers: strategies, tasks, episodes, workers and checkpoints."""

@@ -1,7 +1,8 @@
 """The run folder: config.yaml, checkpoint.npz, history.csv, best.npz.
 
-checkpoint.npz is the one truth, replaced atomically once a generation; history.csv and best.npz
-are written from it, so that a run killed at any moment goes on as if it had never stopped.
+checkpoint.npz has the complete state of the run and is replaced atomically after each generation;
+history.csv and best.npz are derived from it. So a run that is killed at any moment resumes with the
+same result as if it had not been stopped.
 """
 
 import csv
@@ -19,8 +20,8 @@ from snca_ros.evolution.strategies import STRATEGIES
 from snca_ros.files import LOCK, hold_folder, write_atomically, write_text
 
 HISTORY = ('generation', 'evaluations', 'best', 'median', 'worst', 'best_so_far')
-"""Columns of history.csv; fitness values are scores of the generation's evaluations, in the
-unit of the run's task."""
+"""Columns of history.csv; best, median and worst are scores of the generation's evaluations, in
+the unit of the run's task."""
 
 
 def _unwritable(path: Path, error: OSError) -> InvalidInput:
@@ -28,12 +29,12 @@ def _unwritable(path: Path, error: OSError) -> InvalidInput:
     return InvalidInput('run', reason, 'a folder that can be written', str(path))
 
 
-_SINCE = 'reassessed', 'other_engine', 'population', 'population_fitness'
-"""Entries that checkpoints of one version or another do not have; they may be empty."""
+_OPTIONAL = 'reassessed', 'other_engine', 'population', 'population_fitness'
+"""Entries that are missing in checkpoints of some versions; they may be empty."""
 
 
 def _holds(path: Path, trained: TrainedController) -> bool:
-    """Tell whether the controller file at `path` holds `trained`, whichever versions wrote it."""
+    """Return whether the controller file at `path` holds `trained`, except for `versions`."""
     try:
         found = load_controller(path)
     except InvalidInput:
@@ -45,19 +46,19 @@ def _holds(path: Path, trained: TrainedController) -> bool:
 
 @dataclass
 class Progress:
-    """Where a run stands.
+    """The state of a run after a generation.
 
     Attributes:
-        strategy: the strategy's state.
-        history: a row of `HISTORY` per generation.
-        whole: individuals and fitness, the best first, of the last population whose generation was
-            whole, if the budget has cut the last generation short; else None.
-        score_other: of the best individual in the engine that the run does not evolve in; NaN if
-            that engine cannot run it, None before the end.
-        by_old_rules: whether an earlier version has finished the run: it kept no `whole`
-            population, and chose among the best quarter of a batched run by `reassessed`.
-        reassessed: v_x [m/s] of that quarter in the pymunk engine, best of the run's engine first;
-            empty of all other runs.
+        strategy: arrays of the strategy's state.
+        history: one row of `HISTORY` values per generation.
+        whole: individuals and fitness, best first, of the last population with a complete
+            generation, if the budget has cut the last generation short; else None.
+        score_other: score of the best individual in the other engine (see `RunConfig`); NaN if that
+            engine cannot run it, None before the end of the run.
+        by_old_rules: whether an earlier version finished the run: it stored no `whole` population,
+            and in batched runs it chose among the best quarter by `reassessed`.
+        reassessed: v_x [m/s] of that quarter in the pymunk engine, in the order of their fitness;
+            empty for all other runs.
     """
 
     strategy: dict[str, np.ndarray] = field(default_factory=dict)
@@ -69,22 +70,25 @@ class Progress:
 
     @property
     def evaluations(self) -> int:
-        """Return the evaluations spent."""
+        """Return the number of evaluations spent."""
         return int(self.history[-1][1]) if self.history else 0
 
     @property
     def population(self) -> tuple[np.ndarray, np.ndarray]:
         """Return individuals, (n, n_parameters), and fitness, (n,), of the last whole population.
 
-        The best is first. Of a budget below one generation it is what there is.
+        The best is first. If the budget is below one generation, the population is incomplete.
         """
         return self.whole or (self.strategy['individuals'], self.strategy['fitness'])
 
     def chosen(self, config: RunConfig) -> tuple[int, str, dict[str, float]]:
-        """Return the number of the best individual, the engine that says so, and its score in each.
+        """Return the best individual: its index, the engine that chose it, and its scores.
 
         Args:
-            config: of the run.
+            config: configuration of the run.
+
+        Returns:
+            (index among the individuals, name of the engine, score in each engine).
         """
         fitness, engine = self.strategy['fitness'], config.engine
         if len(self.reassessed):
@@ -97,9 +101,9 @@ class Progress:
 
 
 class RunFolder:
-    """The folder of one run, held against a second process while it is open.
+    """The folder of one run, locked against other processes until it is closed.
 
-    Use `create`, `resume` or `create_or_resume`; close it when done.
+    Use `create`, `resume` or `create_or_resume` to open it.
     """
 
     def __init__(self, path: Path, config: RunConfig, wait: bool = False) -> None:
@@ -111,12 +115,12 @@ class RunFolder:
 
     @classmethod
     def create(cls, path: Path, config: RunConfig, wait: bool = False) -> 'RunFolder':
-        """Make a new run folder; InvalidInput if there is one already."""
+        """Create a run folder; InvalidInput if the folder exists and is not empty."""
         try:
             path.mkdir(parents=True, exist_ok=True)
-            # A run killed before it had its config.yaml leaves no more than this.
+            # A run that was killed before it wrote config.yaml leaves only these files.
             if any(p.name != LOCK and not p.match('.config.yaml.*.tmp') for p in path.iterdir()):
-                expected = 'a new or empty folder (add --resume to go on with the run in it)'
+                expected = 'a new or empty folder (use --resume to continue the run in it)'
                 raise InvalidInput('run', 'files in it', expected, str(path))
             folder = cls(path, config, wait)
             write_text(path / 'config.yaml', config.to_yaml())
@@ -126,7 +130,7 @@ class RunFolder:
 
     @classmethod
     def resume(cls, path: Path, wait: bool = False) -> 'RunFolder':
-        """Open the run folder of a run that was stopped; InvalidInput if there is none."""
+        """Open the folder of an existing run; InvalidInput if there is none."""
         if not path.is_dir():
             raise InvalidInput('run', 'no folder', 'the folder of an earlier run', str(path))
         if not (path / 'config.yaml').exists():
@@ -135,10 +139,10 @@ class RunFolder:
 
     @classmethod
     def create_or_resume(cls, path: Path, config: RunConfig) -> 'RunFolder':
-        """Open the folder of a run, new or not; wait for another process to leave it.
+        """Open the folder of a run, new or existing; wait until no other process uses it.
 
         Raises:
-            InvalidInput: the run in it has another configuration.
+            InvalidInput: the existing run has another configuration.
         """
         if not (path / 'config.yaml').exists():
             return cls.create(path, config, wait=True)
@@ -150,7 +154,7 @@ class RunFolder:
         return folder
 
     def load(self) -> Progress:
-        """Return where the run stands, and mend history.csv and best.npz after a kill."""
+        """Return the progress of the run; update history.csv and best.npz if they are outdated."""
         path = self.path / 'checkpoint.npz'
         if not path.exists():
             return Progress()
@@ -165,11 +169,11 @@ class RunFolder:
         except Exception as error:
             expected = 'a checkpoint written by evolve'
             raise InvalidInput('file', str(error), expected, str(path)) from None
-        self._write_views(progress, mend=True)
+        self._write_derived(progress, only_if_changed=True)
         return progress
 
     def _progress(self, arrays: dict[str, np.ndarray], old: bool) -> Progress:
-        """Return the progress that the arrays of a checkpoint, checked, describe."""
+        """Return the progress from the checked arrays of a checkpoint."""
         rows, reassessed, other, *whole = (arrays.pop(name) for name in (
             'history', 'reassessed', 'other_engine', 'population', 'population_fitness'
         ))
@@ -186,7 +190,7 @@ class RunFolder:
 
     def _check(self, arrays: dict[str, np.ndarray]) -> None:
         config = self.config
-        for name in _SINCE:
+        for name in _OPTIONAL:
             width = (config.n_parameters,) if name == 'population' else ()
             arrays.setdefault(name, np.empty((0, *width)))
         n = min(len(arrays.get('individuals', ())), config.population)
@@ -208,7 +212,7 @@ class RunFolder:
             raise InvalidInput('entries', sorted(arrays), ', '.join(sorted(expected)))
         for name, shape in expected.items():
             array, kind = arrays[name], 'i' if name == 'generation' else 'f'
-            missing = 0 in shape and name not in _SINCE
+            missing = 0 in shape and name not in _OPTIONAL
             if array.shape != shape or array.dtype.kind != kind or missing:
                 shown = f'{array.dtype} of shape {array.shape}'
                 raise InvalidInput(name, shown, f'numbers of shape {shape}, none of them 0')
@@ -223,7 +227,7 @@ class RunFolder:
             raise InvalidInput('history', spent.tolist(), f'up to {config.evaluations} evaluations')
 
     def save(self, progress: Progress) -> None:
-        """Replace the checkpoint, then history.csv and best.npz."""
+        """Write checkpoint.npz, then history.csv and best.npz."""
         whole = progress.whole or (np.empty((0, self.config.n_parameters)), np.empty(0))
         other = progress.score_other
         arrays = {
@@ -236,12 +240,15 @@ class RunFolder:
             self.path / 'checkpoint.npz',
             lambda file: np.savez(file, **arrays),  # type: ignore[arg-type]
         )
-        self._write_views(progress)
+        self._write_derived(progress)
 
-    def _write_views(self, progress: Progress, mend: bool = False) -> None:
-        """Write history.csv and best.npz; to `mend` it, best.npz only if it holds anything else.
+    def _write_derived(self, progress: Progress, only_if_changed: bool = False) -> None:
+        """Write history.csv and best.npz.
 
-        So a finished run keeps its best.npz, and the versions that it tells, to the byte.
+        Args:
+            progress: progress of the run.
+            only_if_changed: whether to keep a best.npz that holds the same controller, so that the
+                file of a finished run, with the versions in it, stays as it is.
         """
         text = io.StringIO()
         writer = csv.writer(text, lineterminator='\n')
@@ -250,11 +257,11 @@ class RunFolder:
             writer.writerow([int(generation), int(evaluations), *map(repr, scores)])
         write_text(self.path / 'history.csv', text.getvalue())
         trained = self.best(progress)
-        if not (mend and _holds(self.path / 'best.npz', trained)):
+        if not (only_if_changed and _holds(self.path / 'best.npz', trained)):
             save_controller(self.path / 'best.npz', trained)
 
     def best(self, progress: Progress) -> TrainedController:
-        """Return what best.npz holds when the run stands at `progress`."""
+        """Return the trained controller that best.npz holds at `progress`."""
         config = self.config
         best, chosen_by, scores = progress.chosen(config)
         return TrainedController(
@@ -273,5 +280,5 @@ class RunFolder:
         )
 
     def close(self) -> None:
-        """Let another process have the folder."""
+        """Release the folder to other processes."""
         self._lock.close()

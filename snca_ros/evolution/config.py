@@ -1,4 +1,4 @@
-"""What one evolutionary run is: checked, and kept beside its results as config.yaml."""
+"""The configuration of an evolutionary run, stored as config.yaml in its folder."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
@@ -27,26 +27,26 @@ from snca_ros.files import read_yaml
 
 @dataclass(frozen=True)
 class RunConfig:
-    """One evolutionary run.
+    """The configuration of an evolutionary run.
 
     Attributes:
         shape: morphology, a name or a grid.
-        architecture: what kind of cells.
-        material, solver: of the simulation.
+        architecture: architecture of the cells.
+        material, solver: options of the simulation.
 
-    The others are declared with their meaning.
+    The declarations of the other attributes describe them.
 
     Raises:
-        InvalidInput: a value is off.
+        InvalidInput: a value is invalid.
     """
 
     shape: str
     architecture: Architecture
     terrain: str = text_value(DEFAULT_TERRAIN, 'ground', TERRAIN_FORM)
-    evaluations: int = constant(30_000, 1, 10**9, 'episodes to spend')
+    evaluations: int = constant(30_000, 1, 10**9, 'total number of episodes')
     seed: int = constant(0, 0, 2**63 - 1, 'seed of all random numbers')
     population: int = constant(36, 4, 100_000, 'individuals per generation')
-    sigma: float = constant(0.35, 0.0, 100.0, 'standard deviation of the children')
+    sigma: float = constant(0.35, 0.0, 100.0, 'standard deviation of the offspring')
     duration: float = constant(EPISODE, 0.1, LONGEST, 'duration of an episode', 's')
     transient: float = constant(
         TRANSIENT, 0.0, LONGEST, 'time at the start of an episode that is not scored', 's'
@@ -55,7 +55,7 @@ class RunConfig:
     solver: Solver = field(default_factory=Solver)
     engine: str = choice(DEFAULT_ENGINE, ENGINES, 'physics engine in which episodes are scored')
     strategy: str = choice(DEFAULT_STRATEGY, STRATEGIES, 'optimiser')
-    task: str = choice(DEFAULT_TASK, TASKS, 'what the score of an episode is')
+    task: str = choice(DEFAULT_TASK, TASKS, 'task that defines the score of an episode')
 
     def __post_init__(self) -> None:
         parse_morphology(self.shape)
@@ -68,7 +68,7 @@ class RunConfig:
         check_task(self.task)
 
     def simulation(self, push: int = 0) -> Simulation:
-        """Return the simulation of an episode, from a pushed start if `push` is not 0."""
+        """Return the simulation of an episode; `push` is 0 or the seed of a pushed start."""
         return Simulation(
             self.shape, self.terrain,
             material=self.material, solver=self.solver, engine=self.engine, push=push,
@@ -76,16 +76,17 @@ class RunConfig:
         )
 
     def new_strategy(self) -> Strategy:
-        """Return the strategy as it is before the first generation."""
+        """Return the strategy in its state before the first generation."""
         return STRATEGIES[self.strategy](
             self.n_parameters, population=self.population, sigma=self.sigma, seed=self.seed
         )
 
     @property
     def name(self) -> str:
-        """Return what the run is, in one word: all but its material, sub-steps and iterations.
+        """Return the name of the run, which consists of its settings.
 
-        Names from before there were two physics name none.
+        It omits material, sub-steps and iterations, and most settings with default values. The
+        first runs were made before there was a choice of physics, so their names have none.
         """
         cell = self.architecture
         usual = Architecture(
@@ -117,17 +118,17 @@ class RunConfig:
 
     @property
     def n_parameters(self) -> int:
-        """Return the length of a candidate."""
+        """Return the number of parameters of a candidate."""
         return self.architecture.n_parameters(parse_morphology(self.shape).n_voxels)
 
     @property
     def n_elite(self) -> int:
-        """Return how many of the best are parents."""
+        """Return the number of parents: the best quarter of the population."""
         return self.population // 4
 
     @property
     def other_engine(self) -> str:
-        """Return the engine that the run does not evolve in."""
+        """Return the other engine, in which the best individual is scored at the end."""
         return next(engine for engine in ENGINES if engine != self.engine)
 
     def to_yaml(self) -> str:
@@ -149,11 +150,11 @@ class RunConfig:
         sensors: Sequence[str] = DEFAULT_SENSORS,
         **settings: Any,
     ) -> 'RunConfig':
-        """Return the run of cells and a physics that are given by name.
+        """Return a configuration from the names of an architecture and a physics.
 
         Args:
-            shape, settings: as of `RunConfig`.
-            architecture, neuron_model, n_c, hidden, as_printed, sensors: as of
+            shape, settings: see `RunConfig`.
+            architecture, neuron_model, n_c, hidden, as_printed, sensors: see
                 `Architecture.named`.
             physics: one of `sim_node.model.physics.PHYSICS`.
         """
@@ -165,7 +166,7 @@ class RunConfig:
 
     @classmethod
     def from_yaml(cls, path: Path) -> 'RunConfig':
-        """Read config.yaml; InvalidInput with the file's name if it cannot be used."""
+        """Read config.yaml; InvalidInput, with the file's name, if it is missing or invalid."""
         values = read_yaml(path, 'a run configuration')
         try:
             return cls.from_dict(values)
@@ -174,7 +175,7 @@ class RunConfig:
 
     @classmethod
     def from_dict(cls, values: object) -> 'RunConfig':
-        """Return the run of a parsed config.yaml."""
+        """Return the configuration in a parsed config.yaml."""
         if not isinstance(values, dict):
             raise InvalidInput('config', values, 'keys and values')
         check_keys('key', values, list(cls.__dataclass_fields__))

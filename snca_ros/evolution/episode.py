@@ -1,4 +1,4 @@
-"""One episode of one robot: its centre of mass, and what a task asks for, at each control step."""
+"""Episodes of one robot: its centre of mass and the records of a task at each control step."""
 
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
@@ -28,15 +28,14 @@ LONGEST = 3600.0
 
 
 class Records(NamedTuple):
-    """What compiled code records beside the centres of mass."""
+    """Arrays that compiled code records besides the centres of mass."""
 
     sources: tuple[np.ndarray, ...]  # arrays of the engine, (n_voxels,) or in lanes (n_voxels, W)
     rows: np.ndarray  # (n_sources, n_steps, *shape of a source), written
 
-
     @classmethod
     def of(cls, sources: Iterable[np.ndarray], n_steps: int) -> 'Records | None':
-        """Return room for what the sources hold after each control step; None without sources."""
+        """Return records of the sources for `n_steps` control steps; None if there is no source."""
         found = tuple(sources)
         if not found:
             return None
@@ -45,16 +44,20 @@ class Records(NamedTuple):
 
 @compiled
 def record(records, k):
-    """Copy what the sources hold after control step `k`."""
+    """Record the sources as they are after control step `k`."""
     for i in range(len(records.sources)):
         records.rows[i, k] = records.sources[i]
 
 
 @compiled
 def _walk(world, robot, cells, neighbors, n_steps, disturbance, faults, centers, records):
-    """Run a whole episode; write `centers` (n_steps + 1, 2); return the steps that were sane.
+    """Run an episode and return the number of steps before the physics diverged.
 
-    Without `faults` or `records`, None, what they cost is not even compiled.
+    If `faults` or `records` is None, their code is not compiled.
+
+    Args:
+        centers: (n_steps + 1, 2) centres of mass [m], written.
+        The other arguments are the parts of a simulation and a controller.
     """
     actuation = np.zeros(neighbors.shape[0])
     centers[0] = center_of_mass(world.masses)
@@ -77,13 +80,13 @@ def run_episode(
     duration: float = EPISODE,
     records: tuple[str, ...] = (),
 ) -> Episode:
-    """Let `controller` walk `simulation`'s robot from its start for `duration` seconds.
+    """Run an episode of a robot from its start and return it.
 
     Args:
-        simulation: of the robot.
-        controller: all its cells.
-        duration: of the episode [s].
-        records: what to keep beside the centres of mass, names of `tasks.task.RECORDS`.
+        simulation: simulation of the robot; it is reset.
+        controller: controller of the robot; it is reset.
+        duration: duration of the episode [s].
+        records: names of arrays to record besides the centres of mass, of `tasks.task.RECORDS`.
 
     Raises:
         InvalidInput: there is no such record.
@@ -120,7 +123,7 @@ def run_step_by_step(
 def run_compiled(
     simulation: Simulation, controller: Controller, n_steps: int, records: tuple[str, ...] = ()
 ) -> Episode:
-    """Run the same in pymunk as one compiled loop."""
+    """Run an episode of `n_steps` control steps in the pymunk engine, as one compiled loop."""
     simulation.reset()
     controller.reset()
     centers = np.empty((n_steps + 1, 2))
@@ -147,7 +150,7 @@ EPISODE_RUNNERS: dict[
 ] = {
     PymunkEngine: run_compiled,
 }
-"""Engines whose episodes have a faster way than `run_step_by_step`, which must give the same bits.
+"""Engines with a faster function than `run_step_by_step`, which must return the same bits.
 
-A class that derives from one of them does not inherit it, since it may step in another way.
+It is not used for classes derived from such an engine, since they may step differently.
 """

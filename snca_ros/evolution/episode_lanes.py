@@ -1,4 +1,4 @@
-"""Episodes of many controllers at once: one robot each, side by side in the batched engine."""
+"""Episodes of several controllers side by side in the batched engine, with one robot each."""
 
 import numpy as np
 
@@ -16,9 +16,14 @@ from snca_ros.evolution.tasks import check_task
 
 @compiled
 def _walk(group, sensing, cells, centers, done, records):
-    """Run whole episodes; write `centers` (n_steps + 1, 2, W) and the steps `done` (W,).
+    """Run episodes of W robots.
 
-    Without `records`, None, what they cost is not even compiled.
+    If `records` is None, its code is not compiled.
+
+    Args:
+        centers: (n_steps + 1, 2, W) centres of mass [m], written.
+        done: (W,) number of steps before the physics diverged, written; 0 on entry.
+        The other arguments are the parts of robots and cells.
     """
     _write_centers(group.mass_lanes, centers[0])
     for k in range(centers.shape[0] - 1):
@@ -53,19 +58,19 @@ def run_episodes(
     push: int | None = None,
     records: tuple[str, ...] = (),
 ) -> list[Episode]:
-    """Let each of up to W controllers walk a robot of its own from the start.
+    """Run one episode of each of up to W controllers, side by side.
 
     Args:
-        robots: W robots of that morphology, put down anew.
-        architecture: of the controllers.
-        morphology: of the robots.
-        candidates: (n, n_parameters), a controller per row, n <= W. Other lanes' weights are 0.
-        duration: of the episodes [s].
-        push: of the start, see `Robots.reset`.
-        records: what to keep beside the centres of mass, as of `run_episode`.
+        robots: W robots of that morphology; they are reset.
+        architecture: architecture of the controllers' cells.
+        morphology: morphology of the robots.
+        candidates: (n, n_parameters) parameters of n <= W controllers. In other lanes they are 0.
+        duration: duration of the episodes [s].
+        push: start of the robots, see `Robots.reset`.
+        records: names of arrays to record, see `run_episode`.
 
     Returns:
-        An episode per controller; each is the same, to the bit, whatever the others are.
+        One episode per controller, which does not depend, to the bit, on the other controllers.
     """
     width = robots.sensing.reading_lanes.shape[2]
     n_steps = round(duration * CONTROL_RATE)
@@ -88,10 +93,10 @@ def run_episodes(
 
 
 class SideBySide:
-    """Runs episodes of the candidates of a run in the batched engine, each in a lane of its own.
+    """Runs episodes of candidates side by side in the batched engine, one candidate per lane.
 
     Args:
-        config: the run.
+        config: configuration of the run.
     """
 
     def __init__(self, config: RunConfig) -> None:
@@ -103,7 +108,7 @@ class SideBySide:
     def __call__(
         self, candidates: np.ndarray, width: int, duration: float, push: int
     ) -> list[Episode]:
-        """Return an episode of each of (n, n_parameters) candidates, n <= `width` lanes."""
+        """Return an episode of each of (n, n_parameters) candidates, n <= `width`."""
         config, morphology = self._config, self._morphology
         if width not in self._robots:
             self._robots[width] = Robots(

@@ -1,4 +1,4 @@
-"""Scores of candidates, computed by any worker, the same numbers wherever it runs."""
+"""Evaluation of candidates by workers; the scores do not depend on which worker computes them."""
 
 import functools
 import threading
@@ -31,15 +31,15 @@ class GroupRunner(Protocol):
             candidates: their parameters.
             width: number of robots side by side, one of the engine's `lanes`.
             duration: of the episodes [s].
-            push: 0, or the number of a pushed start.
+            push: 0, or the seed of a pushed start.
         """
 
 
 class OneByOne:
-    """Runs the episodes one after the other, in any engine.
+    """Runs the episodes one after another, in any engine.
 
     Args:
-        config: the run.
+        config: configuration of the run.
     """
 
     def __init__(self, config: RunConfig) -> None:
@@ -59,13 +59,17 @@ class OneByOne:
 GROUP_RUNNERS: dict[type[Engine], Callable[[RunConfig], GroupRunner]] = {
     BatchedEngine: SideBySide,
 }
-"""Engines whose robots can be stepped side by side; others walk `OneByOne`, with the same bits."""
+"""Runners for engines that step robots side by side; other engines use `OneByOne`."""
 
 
 class Evaluator:
-    """Scores candidates of one run by its task, one episode each, in the engine of the run.
+    """Scores candidates of a run by its task, with one episode each in the engine of the run.
 
-    A score depends on the candidate, the configuration and the start alone, not on the companions.
+    A score depends only on the candidate, the configuration and the start, not on the other
+    candidates.
+
+    Args:
+        config: configuration of the run.
     """
 
     def __init__(self, config: RunConfig) -> None:
@@ -80,10 +84,10 @@ class Evaluator:
         Args:
             candidates: their parameters. If the engine steps robots side by side, n is at most
                 the last of its `lanes`.
-            push: 0, or the number of a pushed start, the same for all; see `Simulation`.
+            push: 0, or the seed of a pushed start, the same for all; see `Simulation`.
         """
         config, width = self.config, group_width(self._lanes, len(candidates))
-        if width not in self._ready:  # of many workers on a machine only one compiles
+        if width not in self._ready:  # only one of a machine's workers compiles
             name = f'episode-{config.engine}-{width}-{len(self._task.records)}'
             warm_up(name, lambda: list(self._run(candidates, width, 2.0 / CONTROL_RATE, 0)))
             self._ready.add(width)
@@ -92,7 +96,7 @@ class Evaluator:
 
 
 def group_width(lanes: Sequence[int], n: int) -> int:
-    """Return the least of an engine's `lanes` that holds `n` robots, or the largest."""
+    """Return the smallest of an engine's `lanes` that holds `n` robots, else the largest."""
     return next((width for width in lanes if width >= n), lanes[-1])
 
 
@@ -101,7 +105,13 @@ def evaluate(
 ) -> Iterator[float]:
     """Yield the fitness of each of (n, n_parameters) candidates, in their order.
 
-    It does not depend on the workers or their number. With a `push` it is that of another start.
+    The fitness does not depend on the workers or their number.
+
+    Args:
+        workers: workers that evaluate.
+        config: configuration of the run.
+        candidates: their parameters.
+        push: 0, or the seed of a pushed start.
     """
     lanes = ENGINES.find(config.engine).lanes
     size = group_width(lanes, -(-len(candidates) // workers.count()))
@@ -118,5 +128,5 @@ def score(config: RunConfig, candidates: np.ndarray, push: int = 0) -> list[floa
 
 @functools.lru_cache(maxsize=2)
 def _evaluator(config: RunConfig, thread: int) -> Evaluator:
-    """Return this thread's own evaluator: a simulation steps one episode at a time."""
+    """Return the evaluator of this thread, since a simulation runs one episode at a time."""
     return Evaluator(config)

@@ -1,4 +1,4 @@
-"""Offline evolution: trains the parameters that the voxel nodes load."""
+"""The evolution loop, which trains the parameters that the voxel nodes load."""
 
 import math
 from collections.abc import Callable
@@ -19,28 +19,29 @@ from snca_ros.evolution.workers import Workers
 def evolve(
     folder: RunFolder, workers: Workers, report: Callable[[Progress], None] = lambda progress: None
 ) -> Progress:
-    """Run, or go on with, the run of `folder` until its evaluations are spent.
+    """Start or resume the run of `folder`, until its evaluations are spent.
 
-    best.npz holds the best individual of the run's engine. At the end it walks one episode in the
-    other engine too.
+    best.npz holds the best individual in the run's engine. At the end it is scored by one episode
+    in the other engine, too.
 
     Args:
-        folder: the run; its files follow every generation, while the next one walks.
-        workers: what evaluates; the result does not depend on it.
+        folder: folder of the run; it is updated after every generation, while the next one runs.
+        workers: workers that evaluate; the result does not depend on them.
         report: called with the `Progress` after every generation.
     """
     config = folder.config
     progress = folder.load()
     if progress.evaluations < config.evaluations:
-        progress = _spend(folder, progress, workers, report)
+        progress = _run_generations(folder, progress, workers, report)
     if progress.score_other is None and not progress.by_old_rules:
         best = progress.strategy['individuals'][:1]
-        progress = replace(progress, score_other=_in_the_other_engine(config, best, workers))
+        score = _score_in_other_engine(config, best, workers)
+        progress = replace(progress, score_other=score)
         folder.save(progress)
     return progress
 
 
-def _in_the_other_engine(config: RunConfig, best: np.ndarray, workers: Workers) -> float:
+def _score_in_other_engine(config: RunConfig, best: np.ndarray, workers: Workers) -> float:
     """Return the score of one candidate, (1, n_parameters); NaN if the engine cannot run it."""
     try:
         check_engine(config.other_engine, config.solver)
@@ -49,7 +50,7 @@ def _in_the_other_engine(config: RunConfig, best: np.ndarray, workers: Workers) 
     return next(evaluate(workers, replace(config, engine=config.other_engine), best))
 
 
-def _spend(
+def _run_generations(
     folder: RunFolder, progress: Progress, workers: Workers, report: Callable[[Progress], None]
 ) -> Progress:
     config, strategy = folder.config, folder.config.new_strategy()
@@ -58,7 +59,7 @@ def _spend(
             strategy.restore(progress.strategy)
         except InvalidInput as error:
             raise error.found_in(str(folder.path / 'checkpoint.npz')) from None
-    with ThreadPoolExecutor(max_workers=1) as saver:  # leaves when the last is saved
+    with ThreadPoolExecutor(max_workers=1) as saver:  # the block ends after the last save
         saved = saver.submit(lambda: None)
         while progress.evaluations < config.evaluations:
             asked = strategy.ask()

@@ -1,4 +1,4 @@
-"""Pictures of histories."""
+"""Figures of the histories of runs."""
 
 from collections.abc import Sequence
 
@@ -14,9 +14,9 @@ def draw_histories(
     """Return a figure of runs: best score so far, and median and range of each generation.
 
     Args:
-        names: of the runs.
-        tables: (n_generations, 6) of each, the columns of history.csv.
-        label: of the axis of scores, such as 'v_x [m/s]'.
+        names: names of the runs.
+        tables: (n_generations, 6) columns of history.csv, for each run.
+        label: label of the score axis, such as 'v_x [m/s]'.
     """
     figure = Figure(figsize=(7.0, 4.0 + 0.15 * len(names)), layout='constrained')
     axes = figure.subplots()

@@ -1,4 +1,4 @@
-"""How runs of `evolve` went or are going: their histories, read and described."""
+"""Histories of runs of `evolve`: read from files and described as text."""
 
 import contextlib
 import csv
@@ -19,13 +19,13 @@ _WIDTH, _HEIGHT = 60, 4  # of a run's chart [characters]
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """What `evolve` has written of a run so far.
+    """The history of a run so far.
 
     Attributes:
-        name: of the run, as the user called it.
+        name: path of the run, as the user gave it.
         rows: (n_generations, 6) columns `HISTORY`; n_generations may be 0.
-        total: evaluations that it will spend; None if only its history is known.
-        task: what the scores are of; None if no configuration of a run lies beside the history.
+        total: evaluations of the complete run; None if only its history.csv is known.
+        task: task of the run; None if there is no configuration of the run beside the history.
     """
 
     name: str
@@ -40,17 +40,17 @@ class History:
 
     @property
     def evaluations(self) -> int:
-        """Return how many are spent."""
+        """Return the number of evaluations spent."""
         return int(self.rows[-1, 1]) if len(self.rows) else 0
 
     @property
     def finished(self) -> bool:
-        """Return whether nothing more will come."""
+        """Return whether the run is finished; True if its total is not known."""
         return self.total is None or self.evaluations >= self.total
 
 
 def read_history(path: Path) -> History:
-    """Return the history of a run folder, or of the CSV file of one.
+    """Return the history of a run from its folder or from a history.csv.
 
     Raises:
         InvalidInput: there is none, or it is damaged.
@@ -67,7 +67,7 @@ def read_history(path: Path) -> History:
 
 
 def _task_beside(path: Path) -> Task | None:
-    """Return the task of the run whose history.csv it is, or whose bundled history."""
+    """Return the task in the configuration beside a history file, None if there is none."""
     for config in (path.with_name('config.yaml'), path.with_suffix('.yaml')):
         with contextlib.suppress(InvalidInput):
             return TASKS.find(RunConfig.from_yaml(config).task)
@@ -83,15 +83,15 @@ def _rows(path: Path) -> np.ndarray:
         raise InvalidInput('file', reason_of(error), 'the history of a run', str(path)) from None
     except ValueError:
         expected = f'the history of a run: {", ".join(HISTORY)}'
-        raise InvalidInput('file', 'other rows', expected, str(path)) from None
+        raise InvalidInput('file', 'other columns or values', expected, str(path)) from None
     if tuple(header) != HISTORY or not (np.diff(table[:, 1], prepend=0) > 0).all():
-        expected = f'rows of {",".join(HISTORY)}, evaluations rising'
+        expected = f'rows of {",".join(HISTORY)} with increasing evaluations'
         raise InvalidInput('file', f'{len(rows)} rows under {header}', expected, str(path))
     return table
 
 
 def describe(history: History) -> list[str]:
-    """Return lines that describe a run: how far it is, and its best score so far as a chart."""
+    """Return lines that describe a run: its progress, and its best score so far as a chart."""
     rows = history.rows
     if not len(rows):
         return [f'{history.name}: no generation yet']

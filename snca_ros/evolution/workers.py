@@ -1,4 +1,4 @@
-"""Where work is done: `concurrent.futures` executors of this process, this machine, a cluster."""
+"""Workers: `concurrent.futures` executors in this process, on this machine or on a cluster."""
 
 import contextlib
 import multiprocessing
@@ -19,14 +19,14 @@ _ANSWER_LIMIT = 60.0  # s, for a scheduler and its first worker
 
 @dataclass(frozen=True)
 class Workers:
-    """Something to compute with: an executor, and how many tasks it works on at a time now."""
+    """An executor, and a function that returns how many tasks it can run at a time now."""
 
     executor: Executor
     count: Callable[[], int]
 
 
 class _InProcess(Executor):
-    """Does each task at once, where it is submitted."""
+    """Runs each task in this process, when it is submitted."""
 
     def submit(self, task: Callable, /, *args: Any, **kwargs: Any) -> Future:
         future: Future = Future()
@@ -38,12 +38,12 @@ class _InProcess(Executor):
 
 
 IN_PROCESS = Workers(_InProcess(), lambda: 1)
-"""No other process at all."""
+"""Workers that use no other process."""
 
 
 class _LocalProcesses(ProcessPoolExecutor):
     def submit(self, task: Callable, /, *args: Any, **kwargs: Any) -> Future:
-        with _interrupts_held():  # a worker that is starting must not see Ctrl-C
+        with _interrupts_blocked():  # a worker that is starting must not receive Ctrl-C
             return super().submit(task, *args, **kwargs)
 
     def kill(self) -> None:
@@ -53,7 +53,7 @@ class _LocalProcesses(ProcessPoolExecutor):
 
 @contextlib.contextmanager
 def local_workers(n: int) -> Iterator[Workers]:
-    """Give `n` processes of this machine; on any error they end at once."""
+    """Provide `n` worker processes on this machine; an error in the block kills them."""
     executor = _LocalProcesses(n, multiprocessing.get_context('spawn'), _start_worker)
     try:
         yield Workers(executor, lambda: n)
@@ -70,7 +70,7 @@ def _start_worker() -> None:
 
 
 def _end_with_parent() -> None:
-    """End this worker when its parent is gone, however it ended."""
+    """End this worker process when its parent process has ended, even if it was killed."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         multiprocessing.connection.wait([parent.sentinel])
@@ -78,7 +78,7 @@ def _end_with_parent() -> None:
 
 
 @contextlib.contextmanager
-def _interrupts_held() -> Iterator[None]:
+def _interrupts_blocked() -> Iterator[None]:
     old = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         yield
@@ -88,16 +88,17 @@ def _interrupts_held() -> Iterator[None]:
 
 @contextlib.contextmanager
 def cluster_workers(address: str) -> Iterator[Workers]:
-    """Give the workers of the Dask scheduler at `address`; they may come, go and be killed.
+    """Provide the workers of the Dask scheduler at `address`, which may join and leave at any time.
 
     Raises:
-        InvalidInput: the extra `cluster` is not installed, nobody answers, or there is no worker.
+        InvalidInput: the extra `cluster` is not installed, the scheduler does not answer, or it has
+            no worker.
         BrokenExecutor: the scheduler is lost, or a task has ended several workers.
     """
     try:
         from distributed import CancelledError, Client, KilledWorker
     except ImportError:
-        expected = "none without Dask: pip install 'snca_ros[cluster]'"
+        expected = "an installation with Dask: pip install 'snca_ros[cluster]'"
         raise InvalidInput('scheduler', address, expected) from None
     try:
         client = Client(address, timeout=_ANSWER_LIMIT)

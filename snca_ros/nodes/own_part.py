@@ -79,7 +79,7 @@ def load_own_part(path: str, voxel: str, faults: Faults, where: str) -> OwnPart:
     weights = own_parameters(trained.architecture, trained.parameters, n_voxels, index)
     cells = Cells(trained.architecture, weights[np.newaxis])
     readings = np.zeros(len(trained.architecture.sensors))
-    warm_up('cell', lambda: cells.step_cell(0, readings, cells.silence(), 0))
+    warm_up('cell', lambda: cells.step_cell(0, readings, cells.empty_inbox(), 0))
     return OwnPart(
         trained.architecture, cells, VoxelFaults(of_cells, index), trained.solver.physics
     )

@@ -18,7 +18,7 @@ from sim_node.control_time import stamp_of_step
 from sim_node.errors import InvalidInput
 from sim_node.ros import topics
 from sim_node.ros.declared_parameters import declare
-from sim_node.ros.delivery import link_figures
+from sim_node.ros.delivery import delivery_statistics
 from sim_node.ros.node_base import RosNode, run_nodes
 from sim_node.ros.sim_interface import ACTUATION, SENSORS
 from snca_ros.faults import NO_FAULTS
@@ -148,12 +148,12 @@ class VoxelNode(RosNode):
     def _names(self, directions: list[int]) -> str:
         return ', '.join(self._neighbors[d] for d in directions)
 
-    def figures(self) -> dict[str, int]:
+    def statistics(self) -> dict[str, int]:
         """Return the counts of messages on time, late and lost by topic, for /diagnostics."""
         topic = topic_name(self._architecture)
-        links = {SENSORS.of(self._voxel): self._core.sensors_delivery}
-        links |= {f'{self._neighbors[d]}/{topic}': x for d, x in self._core.deliveries.items()}
-        return link_figures(links)
+        deliveries = {SENSORS.of(self._voxel): self._core.sensors_delivery}
+        deliveries |= {f'{self._neighbors[d]}/{topic}': x for d, x in self._core.deliveries.items()}
+        return delivery_statistics(deliveries)
 
     def _try_step(self) -> None:
         """Step if sensors(k) and all neighbours' messages(k - 1) have arrived; else poll again."""

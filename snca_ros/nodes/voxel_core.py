@@ -14,7 +14,7 @@ import numpy as np
 from sim_node.control_time import START_STEPS
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import OPPOSITE
-from sim_node.ros.delivery import Link
+from sim_node.ros.delivery import Delivery
 from snca_ros.nodes.inbox import MessageBuffer
 from snca_ros.nodes.own_part import OwnPart
 
@@ -86,7 +86,7 @@ class VoxelCore:
         self._buffers = {d: MessageBuffer() for d in directions}
         self._past: deque[bytes] = deque(maxlen=_MAX_PAST)
         self.joined = self.held_back = False
-        self.sensors_delivery, self.deliveries = Link(), {d: Link() for d in self._buffers}
+        self.sensors_delivery, self.deliveries = Delivery(), {d: Delivery() for d in self._buffers}
         self.episode = b''
         self._begin_episode(b'', 0.0)
 
@@ -99,7 +99,7 @@ class VoxelCore:
         self.episode = episode
         self._cells.reset()
         self._faults.reset()
-        self._inbox = self._cells.silence()
+        self._inbox = self._cells.empty_inbox()
         self._readings: np.ndarray | None = None  # sensors(k) not yet answered
         self.step = -1
         self.since = self._first_received = now

@@ -54,7 +54,7 @@ def compiled():
     simulation, architecture = Simulation('11-10'), Architecture.named('U-nD', 'snn-h')
     readings = simulation.step(np.zeros(3))
     cells = Cells(architecture, np.zeros((1, architecture.n_parameters(1))))
-    cells.step_cell(0, readings[0], cells.silence(), 0)
+    cells.step_cell(0, readings[0], cells.empty_inbox(), 0)
 
 
 @pytest.fixture(scope='session')

@@ -131,6 +131,6 @@ def test_a_disk_without_room_is_reported_before_anything_starts(
     child = start(command, *arguments, preexec_fn=limit_files(1_000_000))
     output, _ = child.communicate(timeout=60)
     assert child.returncode == 2
-    assert 'room for 1.0 MB' in output
+    assert '1.0 MB of free space' in output
     assert len([line for line in output.splitlines() if 'error' in line]) == 1
     assert not (tmp_path / 'bag').exists()

@@ -133,7 +133,7 @@ def run_alone(name, model, text):
     actuation, sent = np.zeros((N_STEPS, n)), []
     for k in range(N_STEPS):
         for i in range(n):
-            inbox = cells[i].silence()
+            inbox = cells[i].empty_inbox()
             for d, j in enumerate(SHAPE.neighbors[i]):
                 if j >= 0 and k > 0:
                     inbox[d] = sent[-1][j, OPPOSITE[d] if architecture.directional else 0]

@@ -270,7 +270,7 @@ def test_an_interrupted_run_goes_on(tmp_path):
         snca.evolve(**call, run=tmp_path / 'a', report=stop)
     with pytest.raises(snca.InvalidInput, match='or resume=True'):
         snca.evolve(**call, run=tmp_path / 'a')
-    with pytest.raises(snca.InvalidInput, match=r'seed9.*as the other arguments have it'):
+    with pytest.raises(snca.InvalidInput, match=r'seed9.*the run of the other arguments'):
         snca.evolve(**call, run=tmp_path / 'a', resume=True, seed=9)
     run = snca.evolve(run=str(tmp_path / 'a'), resume=True)
     whole = snca.evolve(**call, run=tmp_path / 'b', resume=True)  # there is none to go on with

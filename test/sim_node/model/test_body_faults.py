@@ -79,12 +79,12 @@ def test_any_text_is_read_or_refused(text):
 def test_share_picks_voxels_in_an_order_of_the_seed():
     order = []
     for count in range(BIPED.n_voxels + 1):
-        chosen = Outage(count / BIPED.n_voxels).victims(BIPED, 3, 'death')
+        chosen = Outage(count / BIPED.n_voxels).affected_voxels(BIPED, 3, 'death')
         assert chosen.sum() == count
         assert chosen[order].all()  # those before stay
         order += [i for i in np.flatnonzero(chosen) if i not in order]
     assert order != sorted(order)
-    half = {tuple(Outage(0.5).victims(BIPED, seed, 'death')) for seed in range(10)}
+    half = {tuple(Outage(0.5).affected_voxels(BIPED, seed, 'death')) for seed in range(10)}
     assert len(half) > 5
 
 

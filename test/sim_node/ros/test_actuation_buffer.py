@@ -1,11 +1,11 @@
-"""Delivery statistics of links, and which actuation of the voxels is applied."""
+"""Delivery statistics of messages, and which actuation of the voxels is applied."""
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_node.ros.actuation_buffer import Answers
-from sim_node.ros.delivery import Link, link_figures
+from sim_node.ros.delivery import Delivery, delivery_statistics
 
 VOXELS = ('voxel_0_0', 'voxel_1_0')
 
@@ -13,33 +13,33 @@ VOXELS = ('voxel_0_0', 'voxel_1_0')
 @given(st.lists(st.tuples(st.booleans(), st.integers(-1, 40)), max_size=40))
 def test_every_message_is_on_time_late_or_lost(steps):
     """Each item is a step: whether its message is on time, and which older message arrives then."""
-    link, in_time, late = Link(), set(), set()
+    delivery, in_time, late = Delivery(), set(), set()
     for step, (on_time, old) in enumerate(steps):
-        link.close_step(step, on_time)
+        delivery.close_step(step, on_time)
         in_time |= {step} if on_time else set()
-        link.note_late(old)
+        delivery.note_late(old)
         if 0 <= old <= step and old not in in_time:
             late.add(old)
-    assert link.on_time == len(in_time)
-    assert link.late == len(late)
-    assert link.on_time + link.late + link.lost == len(steps)
-    assert link.newest == max(in_time, default=-1)
+    assert delivery.on_time == len(in_time)
+    assert delivery.late == len(late)
+    assert delivery.on_time + delivery.late + delivery.lost == len(steps)
+    assert delivery.newest == max(in_time, default=-1)
 
 
 def test_skipped_messages_are_lost():
-    link = Link()
+    delivery = Delivery()
     for step in (7, 8, 11):
-        link.arrive(step)
-    link.note_late(10)
-    assert link.counts() == {'on time': 3, 'late': 1, 'lost': 1}
+        delivery.arrive(step)
+    delivery.note_late(10)
+    assert delivery.counts() == {'on time': 3, 'late': 1, 'lost': 1}
 
 
 def test_messages_of_an_earlier_episode_do_not_count_as_late():
-    link = Link()
-    link.close_step(0, False)
-    link.restart()
-    link.note_late(0)
-    assert link_figures({'a': link}) == {'a on time': 0, 'a late': 0, 'a lost': 1}
+    delivery = Delivery()
+    delivery.close_step(0, False)
+    delivery.restart()
+    delivery.note_late(0)
+    assert delivery_statistics({'a': delivery}) == {'a on time': 0, 'a late': 0, 'a lost': 1}
 
 
 def test_actuation_is_held_until_the_voxel_counts_as_silent():
@@ -66,7 +66,7 @@ def test_actuation_is_held_until_the_voxel_counts_as_silent():
     answers.open_step()
     assert answers.take(0, 4, 1.0, step=4, now=0.6)
     assert answers.silent == set()
-    assert [link.late for link in answers.links] == [0, 1]
+    assert [delivery.late for delivery in answers.deliveries] == [0, 1]
 
 
 def test_late_actuation_is_not_applied_in_lock_step():

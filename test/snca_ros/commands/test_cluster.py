@@ -110,7 +110,7 @@ def test_campaign_on_a_cluster_that_is_lost_says_how_to_go_on(
         signal.signal(signal.SIGTERM, before)
         loser.join(LIMIT)
     err = capsys.readouterr().err
-    assert 'the same command goes on with it: 0 of 4 runs done' in err
+    assert 'repeat the command to continue: 0 of 4 runs done' in err
     assert '4 waiting, 0 failed' in err
     assert 'the address of a Dask scheduler' in err.splitlines()[-1]
 

@@ -59,7 +59,7 @@ def test_median_curve_never_falls(runs):
 
 def test_figures_are_files_and_tell_what_the_table_says(drawn):
     names = {path.stem for path in drawn.glob('*.svg')}
-    kinds = ('boxes', 'medians', 'curves', 'vibration', 'luck')
+    kinds = ('boxes', 'medians', 'curves', 'vibration', 'variance')
     assert names == {f'{kind}-{shape}' for kind in kinds for shape in ('biped', 'comb', 'worm')}
     rows = [row for row in paper_rows(4, ('worm',)) if row['architecture'] == 'U-D']
     medians = ''.join(ET.parse(drawn / 'medians-worm.svg').getroot().itertext())

@@ -56,7 +56,7 @@ def test_of_the_first_tables_the_peak_alone_tells_who_vibrates(tmp_path):
         ['biped', str(SNCA), '4.00 to 15.00', '2 of 3', '6.00, 62 %', '8.00, 12 %']
     ]
     kinds = [kind for kind, *_ in draw_all(cases_of(tmp_path / 'drawn', *rows), [])]
-    assert kinds == ['boxes', 'medians', 'curves', 'frequency', 'luck']
+    assert kinds == ['boxes', 'medians', 'curves', 'frequency', 'variance']
 
 
 def test_a_run_that_one_engine_cannot_do_has_no_speed_there(tmp_path):

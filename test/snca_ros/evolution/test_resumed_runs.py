@@ -31,7 +31,7 @@ def assert_stopped(process: subprocess.Popen, folder: Path, workers: dict[int, s
     _, err = process.communicate(timeout=LIMIT)
     assert process.returncode == 130
     assert 'Traceback' not in err
-    assert err.splitlines()[-1] == f'stopped; go on with: snca evolve --resume {folder}'
+    assert err.splitlines()[-1] == f'stopped; continue with: snca evolve --resume {folder}'
     wait_until_gone(workers)
     assert sorted(p.name for p in folder.iterdir() if p.name != '.lock') == VISIBLE
 

@@ -32,7 +32,7 @@ class CellSpy:
     def reset(self):
         self.resets += 1
 
-    def silence(self):
+    def empty_inbox(self):
         return np.zeros((4, 1, 1))
 
     def step_cell(self, i, readings, inbox, step):
