@@ -163,6 +163,24 @@ def test_list_of_rooms_is_of_today():
             assert module.docstring in text
 
 
+def test_trail_of_a_reading_names_modules_and_functions_that_exist():
+    text = PAGE.read_text().partition('## One reading')[2].partition('## Rooms')[0]
+    paths = {name.replace('.', '/') + '.py' for name in MODULES}
+    source = '\n'.join(module.source for module in MODULES.values())
+    names = re.findall(r'`([\w./]+)`', text)
+    assert len(names) > 20
+    for name in names:
+        if name.endswith('.py'):
+            assert name in paths or [p for p in paths if p.endswith(f'/{name}')] or (
+                (ROOT / name).exists()
+            ), name
+        elif not name.endswith('/') and not name.isupper():
+            last = name.rpartition('.')[2]
+            assert re.search(rf'^ *(def|class) {last}\b', source, re.MULTILINE) or any(
+                f'/{last}.py' in path for path in paths
+            ), name
+
+
 def test_picture_shows_each_room_each_arrow_once_and_what_is_forbidden():
     forbidden = 'sim_node.model.terrain', 'sim_node.munk2d.space'
     drawn = picture(with_import(*forbidden))
