@@ -1,6 +1,7 @@
 """Files: atomic writing, locked folders, YAML, and free space for bags."""
 
 import contextlib
+import csv
 import fcntl
 import os
 import resource
@@ -106,6 +107,21 @@ def read_yaml(path: Path, expected: str) -> Any:
         return yaml.safe_load(path.read_text())
     except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
         raise InvalidInput('file', reason_of(error), expected, str(path)) from None
+
+
+def read_csv(path: Path, expected: str) -> tuple[list[str], list[list[str]]]:
+    """Return the header and the other rows of a CSV file.
+
+    Raises:
+        InvalidInput: there is none, it cannot be read, or it is damaged; `expected` says what is
+            expected.
+    """
+    try:
+        with path.open(newline='') as file:
+            header, *rows = csv.reader(file, strict=True)
+    except (OSError, ValueError, csv.Error) as error:
+        raise InvalidInput('file', reason_of(error), expected, str(path)) from None
+    return header, rows
 
 
 def check_new_bag(folder: Path) -> None:

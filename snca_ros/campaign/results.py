@@ -10,7 +10,7 @@ from sim_node.errors import InvalidInput
 from snca_ros.campaign.columns import COLUMNS, INTEGERS, MAY_BE_EMPTY, TEXTS
 from snca_ros.campaign.endpoints import CURVE_COLUMNS, Outcome
 from snca_ros.campaign.first_results import FIRST_COLUMNS, FIRST_INTEGERS, FIRST_TEXTS, converted
-from snca_ros.files import hold_folder, reason_of, write_atomically, write_text
+from snca_ros.files import hold_folder, read_csv, write_atomically, write_text
 
 
 class Results:
@@ -73,11 +73,7 @@ def read_rows(path: Path) -> list[dict[str, str]]:
     Raises:
         InvalidInput: the file cannot be read, or a row or number in it is damaged.
     """
-    try:
-        with path.open(newline='') as file:
-            header, *rows = csv.reader(file, strict=True)
-    except (OSError, ValueError, csv.Error) as error:
-        raise InvalidInput('file', reason_of(error), 'a table of results', str(path)) from None
+    header, rows = read_csv(path, 'a table of results')
     if tuple(header) not in _KINDS:
         raise InvalidInput('header', header, ','.join(COLUMNS), str(path))
     seen: set[str] = set()
@@ -123,11 +119,10 @@ def read_curve(path: Path) -> np.ndarray:
     Raises:
         InvalidInput: the file cannot be read or is damaged.
     """
+    header, rows = read_csv(path, 'the history of a run')
     try:
-        with path.open(newline='') as file:
-            header, *rows = csv.reader(file, strict=True)
         points = np.array(rows, dtype=float)
-    except (OSError, ValueError, csv.Error) as error:
+    except ValueError as error:
         raise InvalidInput('file', str(error), 'the history of a run', str(path)) from None
     rising = (np.diff(points, axis=0) >= 0.0).all() and not np.isnan(points).any()
     if tuple(header) != CURVE_COLUMNS or points.shape[1:] != (2,) or not rising:

@@ -67,16 +67,6 @@ def encode(reading, last_spike, first_step):
     return train, last_spike
 
 
-@compiled_inline
-def count_spikes(train):
-    """Return the number of spikes in a train."""
-    n = 0
-    while train != 0:
-        train &= train - 1
-        n += 1
-    return n
-
-
 def pack_trains(spikes: np.ndarray) -> np.ndarray:
     """Return the trains, (...), of spikes, (..., SNN_STEPS) 0.0 or 1.0."""
     return spikes @ (1 << np.arange(SNN_STEPS))

@@ -1,7 +1,6 @@
 """Histories of runs of `evolve`: read from files and described as text."""
 
 import contextlib
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +10,7 @@ from sim_node.errors import InvalidInput
 from snca_ros.evolution.checkpoint import HISTORY
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.tasks import TASKS, Task
-from snca_ros.files import reason_of
+from snca_ros.files import read_csv
 from snca_ros.progress import bars
 
 _WIDTH, _HEIGHT = 60, 4  # of a run's chart [characters]
@@ -75,12 +74,9 @@ def _task_beside(path: Path) -> Task | None:
 
 
 def _rows(path: Path) -> np.ndarray:
+    header, rows = read_csv(path, 'the history of a run')
     try:
-        with path.open(newline='') as file:
-            header, *rows = csv.reader(file, strict=True)
         table = np.array(rows, dtype=float).reshape(len(rows), len(HISTORY))
-    except (OSError, csv.Error) as error:
-        raise InvalidInput('file', reason_of(error), 'the history of a run', str(path)) from None
     except ValueError:
         expected = f'the history of a run: {", ".join(HISTORY)}'
         raise InvalidInput('file', 'other columns or values', expected, str(path)) from None

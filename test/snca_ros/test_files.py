@@ -156,6 +156,6 @@ def test_where_a_bag_cannot_be_made(tmp_path, monkeypatch):
             check_new_bag(tmp_path / name)
     check_new_bag(tmp_path / 'new' / 'bag')
     monkeypatch.setattr(snca_ros.files, 'RESERVE', 10**18)
-    with pytest.raises(InvalidInput, match='room for'):
+    with pytest.raises(InvalidInput, match='of free space'):
         check_new_bag(tmp_path / 'bag')
     assert names(tmp_path) == ['file', 'there']

@@ -7,7 +7,6 @@ import numpy as np
 from sim_node.numerics.jit import compiled_inline
 from sim_node.numerics.lanes import negation, select
 from snca_ros.cell.coding import SNN_RATE
-from snca_ros.cell.models.lif_as_printed import LifAsPrinted
 
 LEAK = 0.01
 """lambda_v and lambda_psi [1/ms] (authors' code)."""
@@ -34,49 +33,100 @@ class LifConstants(NamedTuple):
     homeostasis: bool = True
 
 
-class Lif(LifConstants):
-    """A LIF neuron; its threshold is theta_0, with homeostasis min(theta_0, sum of weights) + psi.
-
-    Its variables are the potential v, which has leaked for the next step, and psi [mV].
-    """
+class _LifNeuron(LifConstants):
+    """What both LIF neurons have: variables v, which has leaked for the next step, and psi [mV]."""
 
     spiking = True
     state: ClassVar = {'v': 0.0, 'psi': 0.0}
     evolved: ClassVar[dict[str, float]] = {}
     rests = True
 
+    def bounds(self, synapses: np.ndarray) -> np.ndarray:
+        """Return the bound of each neuron's threshold at rest [mV], (n,).
+
+        With homeostasis it is the sum of the neuron's weights, in presynaptic order.
+        """
+        if not self.homeostasis:
+            return np.full(synapses.shape[1], np.inf)
+        return np.add.accumulate(synapses, axis=0)[-1]
+
+
+@compiled_inline
+def _after_step(model, silent, v, psi):
+    """Return potential and offset [mV] after a step in which a neuron was silent or spiked.
+
+    Silent: psi <- psi - lambda dt psi; a spike: v <- v_rest, psi <- psi + psi_inc (paper, Eq. 3).
+    Then v leaks for the next step: v <- v - lambda dt v (paper, Eq. 1). From v_rest = 0 nothing
+    leaks, so that leak and decay are one masked instruction each.
+    """
+    psi = psi + select(silent, -model.leak * psi, model.psi_inc)
+    return select(silent, v - model.leak * v, model.v_rest), psi
+
+
+class Lif(_LifNeuron):
+    """A LIF neuron with the threshold min(theta_0, bound) + psi (authors' code)."""
+
     def neuron_constants(
         self, synapses: np.ndarray, evolved: np.ndarray
     ) -> tuple[np.ndarray, ...]:
-        """Return min(theta_0, sum of the weights) [mV], summed in presynaptic order."""
-        if not self.homeostasis:
-            return (np.full(synapses.shape[1], self.theta_0),)
-        return (np.minimum(self.theta_0, np.add.accumulate(synapses, axis=0)[-1]),)
+        """Return the thresholds at rest, min(theta_0, bound) [mV]."""
+        return (np.minimum(self.theta_0, self.bounds(synapses)),)
 
     @staticmethod
     @compiled_inline
     def step(model, state, own, current):
         """Return whether the neuron spikes, and its new potential and offset [mV].
 
-        v <- v + current; v >= rest + psi: a spike, v <- v_rest, psi <- psi + psi_inc; else
-        psi <- psi - lambda dt psi. Then v leaks, for the next step: v <- v - lambda dt v.
+        v <- v + current (paper, Eq. 1); a spike at v >= min(theta_0, bound) + psi (Eq. 2).
         """
         v, psi = state
         v = v + current
-        silent = v < own[0] + psi  # asked so, leak and decay are one masked instruction each
-        psi = psi + select(silent, -model.leak * psi, model.psi_inc)
-        v = select(silent, v - model.leak * v, model.v_rest)  # from v_rest = 0 nothing leaks
-        return negation(silent), (v, psi)
+        silent = v < own[0] + psi
+        return negation(silent), _after_step(model, silent, v, psi)
 
     def thresholds(self, state: tuple[Any, ...], own: tuple[Any, ...]) -> np.ndarray:
         """Return the thresholds [mV]."""
         return own[0] + state[1]
 
-    def as_printed(self) -> LifAsPrinted:
+    def as_printed(self) -> 'LifAsPrinted':
         """Return the model as the paper prints it: leaks per second, a threshold that compounds."""
         return LifAsPrinted(
             LEAK / SNN_RATE, self.psi_inc, self.theta_0, self.v_rest, self.homeostasis
         )
+
+
+class LifAsPrinted(_LifNeuron):
+    """A LIF neuron by the letter of the paper, which the authors' code does not follow.
+
+    Its threshold theta [mV], a third variable, compounds, and it spikes at v > theta.
+    """
+
+    state: ClassVar = {'v': 0.0, 'psi': 0.0, 'theta': 1.0}
+
+    def neuron_constants(
+        self, synapses: np.ndarray, evolved: np.ndarray
+    ) -> tuple[np.ndarray, ...]:
+        """Return the bounds of the thresholds [mV]."""
+        return (self.bounds(synapses),)
+
+    @staticmethod
+    @compiled_inline
+    def step(model, state, own, current):
+        """Return whether the neuron spikes, and its new potential, offset and threshold [mV].
+
+        v <- v + current (paper, Eq. 1); theta <- min(theta, bound) + psi (Eq. 2); a spike at
+        v > theta.
+        """
+        v, psi, theta = state
+        v = v + current
+        theta = min(theta, own[0]) + psi
+        silent = v <= theta
+        v, psi = _after_step(model, silent, v, psi)
+        return negation(silent), (v, psi, theta)
+
+    def thresholds(self, state: tuple[Any, ...], own: tuple[Any, ...]) -> np.ndarray:
+        """Return the thresholds [mV]."""
+        return state[2]
 
 
 SNN = Lif(psi_inc=0.0, homeostasis=False)
