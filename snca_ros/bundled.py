@@ -28,12 +28,14 @@ def bundled_controllers() -> dict[str, Path]:
 
 
 def find_controller(name: str) -> Path:
-    """Return the file of a controller, given by its path or by the name of a bundled one.
+    """Return the file of a controller: a path, the best of a run folder, or a bundled name.
 
     Raises:
         InvalidInput: there is no such file or name.
     """
     bundled = bundled_controllers()
+    if (Path(name) / 'config.yaml').exists():
+        return Path(name) / 'best.npz'
     if name in bundled and not Path(name).exists():
         return bundled[name]
     if not Path(name).exists():

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from sim_node.errors import InvalidInput, check_name
+from sim_node.numerics.dispatch import class_with_its_name
 from sim_node.numerics.elementary_functions import sine_cosine, tanh
 from sim_node.numerics.jit import compiled, compiled_inline, compiled_kernel
 from sim_node.registry import Registry
@@ -145,11 +146,15 @@ class SensorRegistry(Registry[Any]):
         given = [fields[end] for end in ('low', 'high') if end in fields]
         if len(given) == 1 or sorted({*given}) != given:
             raise InvalidInput(field, thing, '`low` and a higher `high`, or neither')
-        for other in self._entries.values():
-            if type(other) is not kind and type(other).__name__ == kind.__name__:
-                where = type(other).__module__
-                expected = f'another class name: {where} has a sensor class of this name'
-                raise InvalidInput(field, kind.__name__, expected)
+        for known in self.values():
+            class_with_its_name(type(known))
+        other = class_with_its_name(kind)
+        if other is not None:
+            expected = (
+                f'another class name: {other.__module__} has defined a class of this name. '
+                'Compiled code is known by it, so restart Python after a change of a class'
+            )
+            raise InvalidInput(field, kind.__name__, expected)
         super().register(name, thing)
 
 

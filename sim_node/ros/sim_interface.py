@@ -97,7 +97,7 @@ class RunOptions(Checked):
 
 
 CONTROLLER = Parameters(BodyOptions, only=('controller',))
-WORLD = Parameters(BodyOptions, only=('morphology', 'terrain', 'engine'))
+WORLD = Parameters(BodyOptions, only=('morphology', 'terrain', 'sensors', 'engine'))
 RUN = Parameters(RunOptions)
 FAULTS = Parameters(FaultsOfBody)
 MATERIAL = Parameters(Material, 'material.')

@@ -1,6 +1,7 @@
 """The columns of results.csv: settings of a run, versions, and results of its assessment."""
 
 from sim_node.errors import InvalidInput
+from sim_node.model.sensors import DEFAULT_SENSORS
 from sim_node.model.terrain import UNSEEN_KINDS
 from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.config import RunConfig
@@ -45,8 +46,11 @@ MAY_BE_EMPTY = (*VERSIONS, 'v_x_other', *ROBUST, 'vibration')
 """Columns that may be empty: the first tables lack them, or an engine cannot run the controller."""
 
 
-def check_is_walk(config: RunConfig) -> None:
-    """Raise InvalidInput if the task of a run is not walking: results.csv has speeds only."""
+def check_comparable(config: RunConfig) -> None:
+    """Raise InvalidInput if results.csv has no columns for the task or the sensors of a run."""
+    if config.architecture.sensors != DEFAULT_SENSORS:
+        expected = f'{", ".join(DEFAULT_SENSORS)}: the results of a campaign name no sensors'
+        raise InvalidInput('sensors', list(config.architecture.sensors), expected)
     if config.task != DEFAULT_TASK:
         expected = (
             f'{DEFAULT_TASK}, since the results of a campaign are speeds, v_x [m/s]; '

@@ -11,7 +11,7 @@ from sim_node.errors import InvalidInput
 from sim_node.model.terrain import DEFAULT_TERRAIN_SET, TERRAIN_SETS, UNSEEN_KINDS
 from sim_node.simulation import Diverged
 from snca_ros.assessment.trials import Trial, score, summary
-from snca_ros.campaign.columns import COLUMNS, check_is_walk, settings_of
+from snca_ros.campaign.columns import COLUMNS, check_comparable, settings_of
 from snca_ros.controller_file import (
     TrainedController,
     load_controller,
@@ -66,7 +66,7 @@ def perform(config: RunConfig, path: Path) -> Outcome:
         InvalidInput: the folder cannot be used, an earlier version has finished the run in it, or
             the task is not walking.
     """
-    check_is_walk(config)
+    check_comparable(config)
     versions = package_versions()  # read now, so that they are those of the loaded code
     folder = RunFolder.create_or_resume(path, config)
     try:

@@ -8,7 +8,7 @@ from typing import Any
 from sim_node.errors import InvalidInput, check_keys
 from sim_node.model.physics import DEFAULT_PHYSICS
 from sim_node.model.solver import Solver
-from snca_ros.campaign.columns import check_is_walk
+from snca_ros.campaign.columns import check_comparable
 from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.config import RunConfig
 from snca_ros.files import read_yaml
@@ -72,5 +72,5 @@ def _run(
 ) -> RunConfig:
     cells = Architecture.named(architecture, neuron_model, as_printed=as_printed)
     config = RunConfig(shape, cells, solver=Solver(physics=physics), **options)
-    check_is_walk(config)
+    check_comparable(config)
     return config

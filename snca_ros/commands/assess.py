@@ -50,7 +50,7 @@ EXAMPLES = """
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `assess`."""
     parser.add_argument('controllers', nargs='+', metavar='CONTROLLER',
-                        help='controller file (.npz), or the name of a bundled one')
+                        help='controller file (.npz), run folder, or the name of a bundled one')
     parser.add_argument('--terrains', metavar='NAMES',
                         help='terrains, separated by commas (default: the '
                         f'{len(UNSEEN_TERRAINS)} unseen ones; with --faults {DEFAULT_TERRAIN})')

@@ -112,9 +112,10 @@ def _recorded(
     }
     if cell.spiking:
         shapes['spikes'] = (n_voxels, channels, cell.message_width), np.uint8
-        shapes['thresholds'] = (n_voxels,), np.float64
     else:
         shapes['values'] = (n_voxels, channels), np.float64
+    if hasattr(cell.model, 'thresholds'):
+        shapes['thresholds'] = (n_voxels,), np.float64
     n_rows = {'readings': n_steps + 1, 'corners': n_steps + 1}
     arrays = {
         name: np.empty((n_rows.get(name, n_steps), *shape), kind)
@@ -209,4 +210,4 @@ def replayed_thresholds(recording: Recording, trained: TrainedController) -> np.
         if not np.array_equal(controller.step(readings), recording.actuation[k]):
             break
         thresholds[k] = mean_thresholds(controller)
-    return thresholds if trained.architecture.spiking else None
+    return thresholds if hasattr(trained.architecture.model, 'thresholds') else None

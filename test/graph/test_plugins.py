@@ -1,27 +1,27 @@
 """Cells of a plugin over ROS: each process imports the modules that SNCA_PLUGINS names."""
 
-import sys
-
 import pytest
 from support.paths import ROOT
+from support.plugin_neurons import Integrator, Pacemaker
 
-from sim_node import registry
 from sim_node.registry import PLUGINS
 from snca_ros.cell.models import NEURON_MODELS
 
 PLUGIN = 'support.plugin_neurons'
+for _name in ('pacemaker', 'integrator'):
+    NEURON_MODELS.pop(_name, None)  # the import above registers them
 
 
 @pytest.fixture
 def plugin(monkeypatch):
     """Let this process and its children know the neuron models, for this test."""
-    before = set(NEURON_MODELS)
     monkeypatch.setenv(PLUGINS, PLUGIN)
-    monkeypatch.delitem(sys.modules, PLUGIN, raising=False)
+    models = {'pacemaker': Pacemaker(), 'integrator': Integrator()}
+    for name, model in models.items():
+        NEURON_MODELS.setdefault(name, model)
     yield
-    for name in set(NEURON_MODELS) - before:
+    for name in models:
         del NEURON_MODELS[name]
-    registry._imported.remove(PLUGIN)
 
 
 @pytest.mark.parametrize('model', ['pacemaker', 'integrator'])

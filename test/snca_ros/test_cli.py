@@ -219,10 +219,12 @@ def test_completion_of_an_unknown_shell_is_refused(capsys):
 
 
 def test_without_ros_its_commands_say_what_is_missing():
-    for name, code, said in [('walk', 2, "pip install 'snca_ros[ros]'"), ('sim_node', 2, 'ROS 2'),
-                             ('completion', 0, '_snca_evolve_option_strings')]:
+    for words, code, said in [
+        (['walk', 'bash'], 2, "pip install 'snca_ros[ros]'"), (['sim_node'], 2, 'ROS 2'),
+        (['completion', 'bash'], 0, '_snca_evolve_option_strings'),
+    ]:
         program = f"""import sys; sys.modules['rclpy'] = None
-from snca_ros.cli import main; sys.exit(main(['{name}', 'bash']))"""
+from snca_ros.cli import main; sys.exit(main({words}))"""
         run = subprocess.run(
             [sys.executable, '-c', program], env={**os.environ, 'PYTHONPATH': str(ROOT)},
             capture_output=True, text=True, check=False,

@@ -146,7 +146,7 @@ def test_a_group_of_candidates_scores_as_each_alone(config):
 
 
 def test_what_it_does_not_declare_is_refused(config):
-    with pytest.raises(InvalidInput, match=r'false with the sledge engine; the pymunk engine'):
+    with pytest.raises(InvalidInput, match=r'false with the sledge engine; only the pymunk engine'):
         replace(config, solver=Solver(self_collision=True))
     assert Sledge.lanes == (1,)
 

@@ -384,6 +384,6 @@ def test_workers_change_nothing_in_a_script_with_a_guard_or_a_notebook(tmp_path)
 
 
 def test_a_worker_that_is_killed_is_told():
-    with pytest.raises(BrokenExecutor, match='the memory may be too small'), \
+    with pytest.raises(BrokenExecutor, match='too little memory'), \
             worker_processes(2) as workers:
         workers.executor.submit(os._exit, 3).result()

@@ -13,6 +13,8 @@ from support.synthetic_bag import Walk, messages_of_walk, write_messages
 import snca_ros as snca
 from sim_node.model.sensors import SENSORS
 from snca_ros.cell.models import NEURON_MODELS
+from snca_ros.command_line import CommandParser
+from snca_ros.commands import COMMANDS, load_command
 from snca_ros.evolution.tasks import TASKS
 
 BUDGET = [  # what the test runs instead of what a person does
@@ -64,6 +66,17 @@ def test_every_line_of_the_page_runs(tmp_path, monkeypatch, capsys, own_tasks):
     assert (tmp_path / 'tripod.npz').exists()
     assert len(set(names['jumper'].history['median'])) == 3  # 3 generations, and jumps differ
     assert capsys.readouterr().out.count('EvolutionRun(') == 3  # one per generation
+
+
+def test_the_shell_commands_of_the_page_are_commands():
+    page = (ROOT / 'docs' / 'python.md').read_text()
+    lines = re.findall(r'^(?:SNCA_PLUGINS=\w+ )?snca (.*)$', page, re.MULTILINE)
+    inline = re.findall(r'`(?:SNCA_PLUGINS=\w+ )?snca ((?:evolve|walk) [^`]*)`', page)
+    assert len(lines) == 2
+    for command in (*lines, *inline):
+        name, *words = command.split()
+        module = load_command(name)
+        CommandParser(name, COMMANDS[name], module).parse_args(words)
 
 
 def test_the_part_below_the_guard_runs_too():

@@ -4,15 +4,15 @@ To add one, write a class like those here (`model.NeuronModel` says what it need
 `NEURON_MODELS.register` with one of its instances, see `sim_node.registry` and docs/python.md.
 """
 
-from sim_node.registry import Registry
 from snca_ros.cell.models.model import NeuronModel, printed_variant
+from snca_ros.cell.models.registration import NeuronModelRegistry
 
 __all__ = ['DEFAULT_NEURON_MODEL', 'NEURON_MODELS', 'NeuronModel', 'printed_variant']
 
 DEFAULT_NEURON_MODEL = 'snn-h'
 """The model of the paper's SNCA: spiking, with homeostasis."""
 
-NEURON_MODELS = Registry[NeuronModel]('neuron_model', {
+NEURON_MODELS = NeuronModelRegistry('neuron_model', {
     'mlp': 'snca_ros.cell.models.perceptron:MLP',
     'snn': 'snca_ros.cell.models.lif:SNN',
     DEFAULT_NEURON_MODEL: 'snca_ros.cell.models.lif:SNN_H',

@@ -7,7 +7,7 @@ Controller files name their task, and the code that reads them is below evolutio
 is a room of its own below that code: it imports neither engines nor evolution.
 """
 
-from sim_node.errors import check_name
+from sim_node.errors import InvalidInput, check_name
 from sim_node.registry import Registry
 from snca_ros.evolution.tasks.task import RECORDS, Episode, Task, score_of
 from snca_ros.evolution.tasks.walk import Walk
@@ -19,7 +19,31 @@ __all__ = [
 DEFAULT_TASK = 'walk'
 """The task of the paper, and of files from before there were others."""
 
-TASKS = Registry[Task]('task', {DEFAULT_TASK: Walk()})
+
+
+class TaskRegistry(Registry[Task]):
+    """Tasks by name."""
+
+    def register(self, name: str, entry: Task) -> None:
+        """Add a task.
+
+        Raises:
+            InvalidInput: it is no object of a class derived from `Task` with a quantity and a unit,
+                or the name is taken.
+        """
+        where = f'{self.kind} {name}'
+        if not isinstance(entry, Task):
+            raise InvalidInput(where, entry, 'an object of a class derived from Task')
+        for field in ('quantity', 'unit'):
+            if not isinstance(getattr(entry, field, None), str):
+                value = getattr(entry, field, None)
+                raise InvalidInput(f'{where}.{field}', value, "a string, such as 'm/s'")
+        if not isinstance(entry.records, tuple):
+            raise InvalidInput(f'{where}.records', entry.records, "a tuple, as ('actuation',)")
+        super().register(name, entry)
+
+
+TASKS = TaskRegistry('task', {DEFAULT_TASK: Walk()})
 """Tasks by name."""
 
 

@@ -98,8 +98,8 @@ def score_of(task: Task, episode: Episode, transient: float) -> float:
     """
     if episode.diverged:
         return -math.inf
-    score = float(task.score(episode, transient))
-    if math.isnan(score):
+    score = task.score(episode, transient)
+    if not isinstance(score, (int, float, np.floating, np.integer)) or math.isnan(score):
         name = f'{type(task).__name__}.score'
         raise InvalidInput(name, score, f'a number, {task.quantity} of the episode')
-    return score
+    return float(score)

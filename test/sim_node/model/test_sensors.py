@@ -227,7 +227,7 @@ class Named(NamedTuple):
     (Odd(True), 'int and float'), (Odd(1, 2.0, 2.0), 'a higher `high`'),
     (Odd(1, 2.0, 1.0), 'a higher `high`'), (Odd(1, math.nan, 1.0), 'a higher `high`'),
     (OneEnd(), 'or neither'),
-    (Area(), r'another class name: sim_node\.model\.sensors has a sensor class'),
+    (Area(), r'another class name: sim_node\.model\.sensors has defined a class'),
 ])
 def test_what_is_no_sensor_is_refused(thing, named):
     with pytest.raises(InvalidInput, match=named):

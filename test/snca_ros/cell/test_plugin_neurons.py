@@ -11,6 +11,7 @@ from support.plugin_neurons import Pacemaker
 
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import parse_morphology
+from sim_node.numerics.jit import compiled_inline
 from sim_node.numerics.lane_array import zeros
 from snca_ros.cell.architecture import Architecture
 from snca_ros.cell.cell_lanes import make_cells, step_group
@@ -166,3 +167,67 @@ def test_the_papers_print_is_of_the_papers_models():
     with pytest.raises(InvalidInput, match=r'as_printed: .*no equations of Pacemaker'):
         Architecture.named('U-nD', 'pacemaker', as_printed=True)
     assert NEURON_MODELS['pacemaker'] == Pacemaker()
+
+
+def variant(**changes):
+    """Return a class like `Pacemaker` with other attributes, and a name of its own."""
+    name = f'Variant{next(COUNTER)}'
+    return type(name, (Pacemaker,), changes)
+
+
+COUNTER = itertools.count()
+
+
+@compiled_inline
+def one_value(model, state, own, current):
+    return current >= model.threshold
+
+
+@compiled_inline
+def too_many(model, state, own, current):
+    return current >= model.threshold, (current, current)
+
+
+@compiled_inline
+def misspelt(model, state, own, current):
+    return current >= model.treshold, (current,)
+
+
+@compiled_inline
+def branches(model, state, own, current):
+    v = state[0] + current
+    if v > model.threshold:
+        v = 0.0
+    return v >= model.threshold, (v,)
+
+
+@pytest.mark.parametrize(('changes', 'message'), [
+    ({'spiking': 'yes'}, r"wrong\.spiking: got 'yes', expected True or False"),
+    ({'state': ['v']}, r"wrong\.state: got \['v'\], expected a dict of names and numbers"),
+    ({'evolved': {'leak': None}}, r'wrong\.evolved: .*a dict of names and numbers'),
+    ({'neuron_constants': lambda self, synapses, evolved: evolved[0]}, 'a tuple of arrays'),
+    ({'neuron_constants': lambda self, synapses: ()}, r'neuron_constants: got .TypeError'),
+    ({'step': staticmethod(one_value)}, r'wrong\.step: .*that returns \(spikes, \(v,\)\)'),
+    ({'step': staticmethod(too_many)}, r'wrong\.step: .*that returns \(spikes, \(v,\)\)'),
+    ({'step': staticmethod(misspelt)}, r'wrong\.step: .*treshold'),
+    ({'step': staticmethod(branches)}, r'wrong\.step: .*in place of `if`'),
+    ({'step': lambda model, state, own, current: None}, 'the decorator compiled_inline'),
+])
+def test_a_mistake_is_reported_in_one_line_at_registration(changes, message):
+    with pytest.raises(InvalidInput, match=message) as error:
+        NEURON_MODELS.register('wrong', variant(**changes)())
+    assert '\n' not in str(error.value)
+    assert 'wrong' not in NEURON_MODELS
+
+
+def test_a_class_instead_of_an_object_is_refused():
+    with pytest.raises(InvalidInput, match=r'an object of a class of named tuples'):
+        NEURON_MODELS.register('wrong', Pacemaker)
+
+
+@pytest.mark.parametrize('name', ['Pacemaker', 'Lif', 'LifAsPrinted'])
+def test_a_second_class_of_one_name_is_refused(name):
+    # Compiled code is known by the name of the class: the second would run the first one's code.
+    again = type(name, (Pacemaker,), {})
+    with pytest.raises(InvalidInput, match=r'another class name: .* restart Python'):
+        NEURON_MODELS.register('again', again())

@@ -96,8 +96,9 @@ def test_every_run_has_its_row_history_and_controller(file, whole):
 
 def test_every_setting_of_a_run_has_a_column():
     settings = {f.name for of in (RunConfig, Architecture, Solver) for f in fields(of)}
-    # uniform and directional are the architecture's name; no campaign changes material or task.
-    assert settings - {*COLUMNS} == {'uniform', 'directional', 'material', 'solver', 'task'}
+    # uniform and directional are the architecture's name; campaigns refuse the others.
+    others = {'material', 'task', 'sensors'}
+    assert settings - {*COLUMNS} == {'uniform', 'directional', 'solver', *others}
 
 
 def test_speeds_are_those_of_the_controller(file, whole):
@@ -237,7 +238,7 @@ def test_sigterm_stops_and_says_how_to_go_on(file, whole, tmp_path):
     _, err = process.communicate(timeout=LIMIT)  # also: no worker holds the pipes open
     assert process.returncode == 130
     assert 'Traceback' not in err
-    assert 'the same command goes on' in err
+    assert 'repeat the command to continue' in err
     work(file, tmp_path)
     assert contents(tmp_path / 'results') == contents(whole / 'results')
 
@@ -315,7 +316,7 @@ def test_results_in_use_are_refused(file, tmp_path, capsys):
     [
         (lambda text: text.replace('v_x_unseen', 'v_x_seen'), ['header']),
         (lambda text: text[: len(text) // 2], ['results.csv:']),
-        (lambda text: text + text.splitlines()[1] + '\n', ['run', 'no other row']),
+        (lambda text: text + text.splitlines()[1] + '\n', ['run', 'one row per run']),
         (lambda text: text.replace(',40,0,', ',40,zero,', 1), ['seed', "'zero'", 'a whole']),
         (lambda text: text.replace(',40,0,', ',40.5,0,', 1), ['evaluations', "'40.5'"]),
         (lambda text: text.replace(',1-20,', ',1-20,x', 1), ['v_x_pushed_mean', 'a number']),

@@ -58,7 +58,8 @@ def test_a_campaign_picks_its_runs_of_a_shared_table(tmp_path):
 def test_tables_that_do_not_agree_are_refused(tmp_path):
     one = write_results(tmp_path / 'one', [made_up_row()])
     two = write_results(tmp_path / 'two', [made_up_row(v_x_end=1.0)])
-    with pytest.raises(InvalidInput, match=r'two/results.csv: run: .*one/results.csv has'):
+    expected = r'two/results.csv: run: .*the same row as in .*one/results.csv'
+    with pytest.raises(InvalidInput, match=expected):
         read_cases([one, two])
 
 

@@ -457,7 +457,7 @@ def test_campaigns_refuse_it(tmp_path):
     good = {'shape': 'worm', 'architecture': 'U-D', 'neuron_model': 'mlp'}
     path.write_text(yaml.safe_dump({**good, 'task': 'walk'}))
     assert [config.task for config in read_campaign(path)] == ['walk']
-    expected = "task: got 'jump', expected walk, since a campaign is a study of walking"
+    expected = "task: got 'jump', expected walk, since the results of a campaign are speeds"
     path.write_text(yaml.safe_dump({**good, 'task': ['walk', 'jump']}))
     with pytest.raises(InvalidInput, match=expected):
         read_campaign(path)
