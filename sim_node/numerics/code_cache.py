@@ -24,11 +24,11 @@ from typing import Any
 from numba.core import types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 
+from sim_node.numerics.source_digest import ROOT, digest_of, is_outside, sources
+
 _DEPENDENCIES = 'numba', 'llvmlite', 'numpy', 'pymunk'
 _NAME = re.compile(r'[0-9a-f]{16}')
 _USED, _DAY, _KEPT = 'used', 86_400.0, 30 * 86_400.0  # name of the stamp file; seconds
-_ROOT = Path(__file__).resolve().parents[2]  # the folder of the two packages
-_PACKAGES = 'sim_node', 'snca_ros'
 _SUM = hashlib.sha256().digest_size
 
 
@@ -78,7 +78,7 @@ def _digest() -> str:
     digest = hashlib.sha256(sys.version.encode())
     for name in _DEPENDENCIES:
         digest.update(f'{name} {metadata.version(name)}\n'.encode())
-    for source in sources(_ROOT):
+    for source in sources(ROOT):
         digest.update(source)
     return digest.hexdigest()[:16]
 
@@ -119,52 +119,6 @@ def _unused(parent: Path) -> Iterator[Path]:
                 yield path
 
 
-def sources(root: Path) -> list[bytes]:
-    """Return the sources of the modules with compiled functions, and of all that they import.
-
-    Args:
-        root: the folder of the packages.
-    """
-    texts = {
-        '.'.join(path.relative_to(root).with_suffix('').parts): path.read_bytes()
-        for package in _PACKAGES
-        for path in (root / package).rglob('*.py')
-    }
-    imports = {name: _imports(text) for name, text in texts.items()}
-    needed, waiting = set[str](), [name for name in texts if _compiles(imports[name])]
-    while waiting:
-        name = waiting.pop()
-        if name not in needed:
-            needed.add(name)
-            waiting += [other for other in imports[name] if other in texts]
-    return [texts[name] for name in sorted(needed)]
-
-
-_JIT = f'{__name__.rpartition(".")[0]}.jit'
-
-
-def _compiles(imports: set[str]) -> bool:
-    """Return whether a module with these `_imports` has compiled functions."""
-    return any(name.startswith(f'{_JIT}.') and not name.endswith('.warm_up') for name in imports)
-
-
-_IMPORT = re.compile(rb'^ *from ([\w.]+) import (\([^)]*\)|.*)', re.MULTILINE)
-
-
-def _imports(source: bytes) -> set[str]:
-    """Return the modules that a source imports from, and the imported names as module.name."""
-    found = set[str]()
-    for module, names in _IMPORT.findall(source):
-        found.add(module.decode())
-        found |= {b'.'.join((module, name)).decode() for name in re.findall(rb'\w+', names)}
-    return found
-
-
-def _outside(source: Path) -> bool:
-    """Tell whether a file lies outside the packages, so that its text is no part of the digest."""
-    return not any(source.is_relative_to(_ROOT / package) for package in _PACKAGES)
-
-
 class _Place:
     """The cache folder and source stamp of one function (numba's cache locator)."""
 
@@ -172,8 +126,8 @@ class _Place:
         source, module = Path(inspect.getfile(function)).resolve(), function.__module__
         self._line = function.__code__.co_firstlineno
         self._stamp = ''
-        if _outside(source):
-            self._stamp = hashlib.sha256(source.read_bytes()).hexdigest()
+        if is_outside(source):
+            self._stamp = digest_of(source)
             module += '-' + hashlib.sha256(str(source).encode()).hexdigest()[:16]
         self._path = os.path.join(str(folder()), module)
 
@@ -243,9 +197,8 @@ def _stamps(signature: Any) -> tuple[str, ...] | None:
             return None
         if kind.__module__ == '__main__':
             return None
-        if _outside(source):
-            digest = hashlib.sha256(source.read_bytes()).hexdigest()
-            found.append(f'{kind.__module__}.{kind.__qualname__} {digest}')
+        if is_outside(source):
+            found.append(f'{kind.__module__}.{kind.__qualname__} {digest_of(source)}')
     return tuple(found)
 
 

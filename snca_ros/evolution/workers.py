@@ -100,9 +100,24 @@ def cluster_workers(address: str) -> Iterator[Workers]:
     except ImportError:
         expected = "an installation with Dask: pip install 'snca_ros[cluster]'"
         raise InvalidInput('scheduler', address, expected) from None
+
+    class Connection(Client):
+        """A client that closes itself here if it cannot connect.
+
+        Else its finaliser does, in any thread, where it can wait for itself for ever.
+        """
+
+        def __init__(self) -> None:
+            try:
+                super().__init__(address, timeout=_ANSWER_LIMIT)
+                self.wait_for_workers(1, timeout=_ANSWER_LIMIT)
+            except BaseException:
+                with contextlib.suppress(AttributeError):  # it failed before it had a loop
+                    self.close()
+                raise
+
     try:
-        client = Client(address, timeout=_ANSWER_LIMIT)
-        client.wait_for_workers(1, timeout=_ANSWER_LIMIT)
+        client = Connection()
     except (OSError, ValueError) as error:
         expected = f'the address of a Dask scheduler with workers ({error})'
         raise InvalidInput('scheduler', address, expected) from None

@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 from support.paths import ROOT
-from support.tilt_sensor import Tilt
+from support.tilt_sensor import Turned
 
 from sim_node.model.sensors import DEFAULT_SENSORS, SENSORS
 from sim_node.registry import PLUGINS
@@ -25,7 +25,7 @@ def test_a_graph_with_a_sensor_of_a_plug_in_repeats_the_offline_walk(
         **os.environ, PARENT: str(os.getpid()), PLUGINS: 'support.tilt_plugin',
         'PYTHONPATH': os.pathsep.join([str(ROOT), str(ROOT / 'test')]),
     }
-    monkeypatch.setitem(SENSORS._entries, 'tilt', Tilt())
+    monkeypatch.setitem(SENSORS._entries, 'tilt', Turned())
     path, bag = make_controller('11-10', 'U-D', 'snn-h', sensors=FIVE), tmp_path / 'bag'
     twin, _ = record_offline(load_controller(path), path, 1.0)
     walked = subprocess.run(

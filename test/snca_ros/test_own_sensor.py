@@ -10,7 +10,7 @@ import pytest
 import yaml
 from support.paths import ROOT
 from support.synthetic_bag import make_walk, messages_of_walk, write_messages
-from support.tilt_sensor import Height, Tilt
+from support.tilt_sensor import Height, Turned
 
 from sim_node.batched.engine import Robots
 from sim_node.errors import InvalidInput
@@ -35,7 +35,7 @@ ENGINES = ('pymunk', 'batched')
 
 @pytest.fixture(autouse=True)
 def registered():
-    SENSORS['tilt'] = Tilt()
+    SENSORS['tilt'] = Turned()
     SENSORS['height'] = Height()
     yield
     del SENSORS['tilt'], SENSORS['height']

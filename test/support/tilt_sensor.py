@@ -6,7 +6,7 @@ from sim_node.model.sensors import own_axes
 from sim_node.numerics.jit import compiled_inline
 
 
-class Tilt(NamedTuple):
+class Turned(NamedTuple):
     """Sine of the angle by which the voxel is turned."""
 
     window: int = 3  # control steps

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 import sim_node
-from sim_node.numerics.code_cache import _unused, sources
+from sim_node.numerics.code_cache import _unused
+from sim_node.numerics.source_digest import sources
 
 
 @pytest.fixture
