@@ -46,7 +46,7 @@ oldest:  ## tests of what the oldest supported numpy, matplotlib, scipy and numb
 	$(OLDEST)/bin/python -m pytest -n auto --dist loadfile test/snca_ros/comparison \
 	  test/snca_ros/assessment test/snca_ros/evolution/test_history.py \
 	  test/sim_node/munk2d/test_soft_spring.py test/sim_node/numerics/test_code_cache.py \
-	  test/sim_node/numerics/test_dispatch.py test/snca_ros/cell/test_plugin_neurons.py
+	  test/sim_node/numerics/test_dispatch.py
 
 bench: $(TOOLS)  ## speed of episodes, evolution and graphs, ratios first; writes bench.json
 	$(BIN)/python -m benchmarks --json bench.json
