@@ -11,12 +11,13 @@ from snca_ros.evolution.strategies.strategy import best_first
 class CovarianceMatrixAdaptation:
     """CMA-ES of the package `cma` (extra `cma`), started from 0.
 
-    It learns the covariance of its steps, at a cost per generation that grows with the square of
-    n_parameters and now and then the cube. It is told ranks: so it depends on the order of the
-    fitness values alone, and a failed candidate is just the last.
+    It learns the covariance of its steps. The cost per generation grows with the square of
+    n_parameters, and in some generations with the cube. It receives ranks in place of fitness
+    values, so only their order matters, and a failed candidate is the last.
 
-    A `cma` object is a function of its seed and of what it was told. So that is its state, and
-    `restore` tells it all again: slower than reading a pickle, which could run anybody's code.
+    A `cma` object is a function of its seed and of all fitness values that it has received. These
+    are its state, and `restore` passes them to it again: slower than reading a pickle, which could
+    run any code.
 
     Args:
         n_parameters: length of a candidate.
@@ -41,7 +42,7 @@ class CovarianceMatrixAdaptation:
         self.generation = 0
         self.individuals = np.empty((0, n_parameters))
         self.fitness = np.empty(0)
-        self._told = np.empty((0, population))
+        self._received = np.empty((0, population))
         # Sums depend on the number of threads, and a run is to have one core.
         self._one_thread = threadpool_limits.wrap(limits=1)
         self._cma = cma.CMAEvolutionStrategy(np.zeros(n_parameters), sigma, {
@@ -59,9 +60,9 @@ class CovarianceMatrixAdaptation:
 
     def tell(self, candidates: np.ndarray, fitness: np.ndarray) -> None:
         """Take the fitness of the candidates; fewer than a population no longer matter to it."""
-        told = np.full(self.population, np.nan)
-        told[: len(fitness)] = fitness
-        self._told = np.vstack([self._told, told])
+        received = np.full(self.population, np.nan)
+        received[: len(fitness)] = fitness
+        self._received = np.vstack([self._received, received])
         self._learn(candidates, fitness)
         self.individuals, self.fitness = best_first(self, candidates, fitness)
 
@@ -72,13 +73,13 @@ class CovarianceMatrixAdaptation:
         self.generation += 1
 
     def state(self) -> dict[str, np.ndarray]:
-        """Return the best, the fitness told so far, and the mean that came of it."""
+        """Return the best, all fitness values received so far, and the resulting mean."""
         n = self.population
         return {
             'individuals': self.individuals[:n],
             'fitness': self.fitness[:n],
             'generation': np.array(self.generation),
-            'told': self._told,
+            'told': self._received,
             'mean': self._cma.mean.copy(),
         }
 
@@ -94,7 +95,7 @@ class CovarianceMatrixAdaptation:
             expected = f'what cma {metadata.version("cma")} gives on this machine'
             raise InvalidInput('mean', state['mean'].tolist(), expected)
         self.individuals, self.fitness = state['individuals'], state['fitness']
-        self._told = state['told']
+        self._received = state['told']
 
     @staticmethod
     def own_state(
