@@ -8,7 +8,7 @@ controller files, never cause an import.
 
 import importlib
 import os
-from collections.abc import Iterator, MutableMapping
+from collections.abc import Iterable, Iterator, MutableMapping
 from pkgutil import resolve_name
 from typing import Generic, TypeVar, cast
 
@@ -82,6 +82,34 @@ class Registry(MutableMapping[str, T], Generic[T]):
     def __contains__(self, name: object) -> bool:
         _import_plugins()
         return name in self._entries
+
+
+_CLASSES: dict[str, type] = {}
+
+
+def check_class_name(where: str, kind: type, known: Iterable[type]) -> None:
+    """Check the name of a class whose methods compiled code calls.
+
+    Compiled code is known by the name of the class that it was compiled for. Of two classes of
+    one name, in whatever modules, the second would run the code of the first.
+
+    Args:
+        where: the entry of a registry, for the error.
+        kind: its class.
+        known: the classes of other entries.
+
+    Raises:
+        InvalidInput: this process has another class of the same name.
+    """
+    for one in (*known, kind):
+        _CLASSES.setdefault(one.__name__, one)
+    other = _CLASSES[kind.__name__]
+    if other is not kind:
+        expected = (
+            f'another class name: {other.__module__} has defined a class of this name. '
+            'Compiled code is known by it, so restart Python after a change of a class'
+        )
+        raise InvalidInput(where, kind.__name__, expected)
 
 
 _imported: list[str] = []

@@ -10,10 +10,9 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from sim_node.errors import InvalidInput, check_name
-from sim_node.numerics.dispatch import class_with_its_name
 from sim_node.numerics.elementary_functions import sine_cosine, tanh
 from sim_node.numerics.jit import compiled, compiled_inline, compiled_kernel
-from sim_node.registry import Registry
+from sim_node.registry import Registry, check_class_name
 
 MAX_AREA_RATIO = 100.0
 """Largest area of a voxel, relative to rest; beyond it the physics counts as diverged."""
@@ -146,15 +145,7 @@ class SensorRegistry(Registry[Any]):
         given = [fields[end] for end in ('low', 'high') if end in fields]
         if len(given) == 1 or sorted({*given}) != given:
             raise InvalidInput(field, thing, '`low` and a higher `high`, or neither')
-        for known in self.values():
-            class_with_its_name(type(known))
-        other = class_with_its_name(kind)
-        if other is not None:
-            expected = (
-                f'another class name: {other.__module__} has defined a class of this name. '
-                'Compiled code is known by it, so restart Python after a change of a class'
-            )
-            raise InvalidInput(field, kind.__name__, expected)
+        check_class_name(field, kind, map(type, self.values()))
         super().register(name, thing)
 
 

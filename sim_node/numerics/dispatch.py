@@ -13,19 +13,6 @@ INLINED = {'forceinline': True, 'error_model': 'numpy'}
 """Options of an `overload` that is inlined into its callers, with IEEE arithmetic."""
 
 
-_CLASSES: dict[str, type] = {}
-
-
-def class_with_its_name(kind: type) -> type | None:
-    """Return another class of the same name that was given here before, None if there is none.
-
-    Compiled code is known by the name of the class that it was compiled for. Of two classes of
-    one name, in whatever modules, the second would run the code of the first.
-    """
-    other = _CLASSES.setdefault(kind.__name__, kind)
-    return None if other is kind else other
-
-
 def method(name: str, doc: str, default: Callable | None = None) -> Callable:
     """Return a function f(constants, *arguments) that calls the static method of that name.
 

@@ -6,12 +6,11 @@ import numpy as np
 from numba.core.errors import NumbaError
 
 from sim_node.errors import InvalidInput
-from sim_node.numerics.dispatch import class_with_its_name
 from sim_node.numerics.jit import compiled
 from sim_node.numerics.lane_array import zeros
 from sim_node.numerics.lane_tuples import load_each, store_each
 from sim_node.numerics.lanes import load, select, store
-from sim_node.registry import Registry
+from sim_node.registry import Registry, check_class_name
 from snca_ros.cell.models.model import NeuronModel, bias, step
 
 _WIDTH = 4  # lanes in which a step is tried
@@ -34,18 +33,11 @@ class NeuronModelRegistry(Registry[NeuronModel]):
             raise InvalidInput(f'{where}.spiking', getattr(entry, 'spiking', None), 'True or False')
         for field in ('state', 'evolved'):
             _check_values(f'{where}.{field}', getattr(entry, field, None))
-        for known in self.values():
-            class_with_its_name(type(known))
-            if hasattr(known, 'as_printed'):
-                class_with_its_name(type(known.as_printed()))
-        other = class_with_its_name(type(entry))
-        if other is not None:
-            expected = (
-                f'another class name: {other.__module__} has defined a class of this name. '
-                'Compiled code is known by it, so restart Python after a change of a class'
-            )
-            raise InvalidInput(where, type(entry).__name__, expected)
-        _check_step(where, entry, _own_constants(where, entry))
+        own = _own_constants(where, entry)
+        known = [*self.values()]
+        known += [model.as_printed() for model in known if hasattr(model, 'as_printed')]
+        check_class_name(where, type(entry), map(type, known))
+        _check_step(where, entry, own)
         super().register(name, entry)
 
 

@@ -84,10 +84,10 @@ class CovarianceMatrixAdaptation:
         }
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Tell all fitness again.
+        """Pass all received fitness values to a new `cma` object.
 
         Raises:
-            InvalidInput: that ends elsewhere; another version of `cma` or kind of machine.
+            InvalidInput: its mean is another one: another version of `cma` or kind of machine.
         """
         for fitness in state['told']:
             self._learn(self.ask(), fitness[~np.isnan(fitness)])
@@ -101,5 +101,5 @@ class CovarianceMatrixAdaptation:
     def own_state(
         n_parameters: int, population: int, generation: int
     ) -> dict[str, tuple[int, ...]]:
-        """Return the shapes of the fitness told so far, and of the mean."""
+        """Return the shapes of the fitness values received so far, and of the mean."""
         return {'told': (generation, population), 'mean': (n_parameters,)}
