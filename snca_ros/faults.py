@@ -148,6 +148,11 @@ class CellFaults:
         if self._death:
             self._affected = self._death.affected_voxels(morphology, faults.seed, 'death')
 
+    @property
+    def any(self) -> bool:
+        """Return whether there are any faults of cells and messages."""
+        return bool(self.delay or self._loss or self._death)
+
     def lost(self, voxel: int, first: int, n: int) -> np.ndarray:
         """Return which messages to a voxel are lost at n steps from `first` on, (n, 4) bool."""
         if self._loss == 0.0:
@@ -172,6 +177,11 @@ class VoxelFaults:
     def __init__(self, faults: CellFaults, voxel: int) -> None:
         self._faults, self._voxel = faults, voxel
         self._delayed: dict[int, np.ndarray] = {}
+
+    @property
+    def any(self) -> bool:
+        """Return whether the robot has any faults of cells and messages."""
+        return self._faults.any
 
     def reset(self) -> None:
         """Discard all delayed messages."""

@@ -15,7 +15,9 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sim_node.message_layout import place
 
 _ENCAPSULATION = slice(0, 4)
-_STAMP = slice(4, 12)  # builtin_interfaces/Time leads every stamped message, after 4 bytes of CDR
+STAMP = slice(4, 12)
+"""Place of the stamp: builtin_interfaces/Time leads each stamped message, after 4 bytes of CDR."""
+
 _TIME = struct.Struct('<iI')  # its sec and nanosec
 _MAX_KNOWN = 64
 
@@ -46,11 +48,20 @@ class WireFormat:
             if data[where] != numbers[name].tobytes():
                 raise AssertionError(f'{self._type.__name__}: {name} is not at {where}')
         regions = [where for where, _ in self._slots.values()]
-        regions += [_STAMP] * ('sec' in (layout.names or ()))
+        regions += [STAMP] * ('sec' in (layout.names or ()))
         regions.sort(key=lambda where: where.start)
         edges = [0, *(e for where in regions for e in (where.start, where.stop)), len(data)]
         self._fixed = [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
         self._known: set[bytes] = set()
+
+    @property
+    def template(self) -> bytes:
+        """Return a serialised message: the one that was encoded last."""
+        return bytes(self._data)
+
+    def place(self, name: str) -> slice:
+        """Return the place of a field of `numbers` in a message."""
+        return self._slots[name][0]
 
     def encode(self, stamp: tuple[int, int] | None = None, **numbers: np.ndarray) -> bytes:
         """Return the serialised message with this (sec, nanosec) and these numbers.
@@ -59,7 +70,7 @@ class WireFormat:
         """
         data = self._data
         if stamp is not None:
-            _TIME.pack_into(data, _STAMP.start, *stamp)
+            _TIME.pack_into(data, STAMP.start, *stamp)
         for name, values in numbers.items():
             where, dtype = self._slots[name]
             data[where] = np.asarray(values, dtype=dtype).tobytes()
@@ -85,7 +96,7 @@ class WireFormat:
                 self._known.add(fixed)
         slots = [self._slots[name] for name in names]
         numbers = [np.frombuffer(data[where], dtype) for where, dtype in slots]
-        return _TIME.unpack_from(data, _STAMP.start), numbers
+        return _TIME.unpack_from(data, STAMP.start), numbers
 
 
 def _serialized(message: Any, layout: np.dtype) -> bytearray:

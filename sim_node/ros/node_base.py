@@ -63,22 +63,11 @@ class RosNode(Node):
         """Return the subscriptions that executors serve: all but the mailboxes."""
         return (s for s in super().subscriptions if s not in self._taken_by_node)
 
-    def create_mailbox(self, kind: type, topic: str, qos: QoSProfile) -> Callable[[], list[bytes]]:
-        """Subscribe to serialised messages without a callback for each of them.
-
-        Returns:
-            A function that returns the messages since its last call, oldest first.
-        """
-        subscription = self.create_subscription(kind, topic, lambda data: None, qos, raw=True)
-        self._taken_by_node.append(subscription)
-
-        def take() -> list[bytes]:
-            found = []
-            while (message := subscription.handle.take_message(kind, True)) is not None:
-                found.append(message[0])
-            return found
-
-        return take
+    def create_mailbox(self, kind: type, topic: str, qos: QoSProfile) -> Subscription:
+        """Subscribe to serialised messages without a callback; `take_all` returns them."""
+        mailbox = self.create_subscription(kind, topic, lambda data: None, qos, raw=True)
+        self._taken_by_node.append(mailbox)
+        return mailbox
 
     @property
     def exit_code(self) -> int | None:
@@ -214,6 +203,14 @@ class RosNode(Node):
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
+
+
+def take_all(mailbox: Subscription) -> list[bytes]:
+    """Return the messages in a mailbox, oldest first."""
+    found = []
+    while (message := mailbox.handle.take_message(mailbox.msg_type, True)) is not None:
+        found.append(message[0])
+    return found
 
 
 def new_executor() -> Executor:

@@ -21,6 +21,9 @@ class CellMessages:
     Args:
         architecture: of the cell.
         voxel: name of the sending voxel.
+
+    Attributes:
+        format: of the serialised messages.
     """
 
     def __init__(self, architecture: Architecture, voxel: str) -> None:
@@ -48,7 +51,7 @@ class CellMessages:
         episode = np.frombuffer(EXAMPLE_EPISODE, np.uint8)
         layout = message_layout.image(voxel, EXAMPLE_EPISODE, image.encoding, self._n_bytes)
         numbers = {'data': example, 'episode': episode}
-        self._wire = WireFormat(image, layout, numbers, self._check)
+        self.format = WireFormat(image, layout, numbers, self._check)
 
     def _check(self, image: Image) -> None:
         check_frame(self._voxel, image.header.frame_id)
@@ -63,7 +66,7 @@ class CellMessages:
     ) -> bytes:
         """Return the serialised message of (n_destinations, n_c, width) spikes or values."""
         data = (outbox * 255).astype(np.uint8) if self._spiking else outbox
-        return self._wire.encode(stamp, data=data, episode=episode)
+        return self.format.encode(stamp, data=data, episode=episode)
 
     def decode(self, data: bytes) -> tuple[bytes, int, np.ndarray]:
         """Return (episode, step, (n_destinations, n_c, width) spikes 0.0/1.0 or values).
@@ -73,7 +76,7 @@ class CellMessages:
                 or a pixel or value is out of range.
         """
         try:
-            stamp, (numbers, episode) = self._wire.decode(data, 'data', 'episode')
+            stamp, (numbers, episode) = self.format.decode(data, 'data', 'episode')
         except InvalidInput:
             raise
         except Exception as error:

@@ -46,6 +46,10 @@ class MessageBuffer:
         """Return whether the message for a step of the current episode is in the buffer."""
         return (self._episode, step) in self._messages
 
+    def get(self, step: int) -> np.ndarray | None:
+        """Return the message for a step of the current episode; None if it is absent."""
+        return self._messages.get((self._episode, step))
+
     def pop(self, step: int) -> np.ndarray | None:
         """Remove and return the message for a step of the current episode; None if it is absent."""
         return self._messages.pop((self._episode, step), None)

@@ -16,14 +16,15 @@ from sensor_msgs.msg import Image, JointState
 
 from sim_node.control_time import stamp_of_step
 from sim_node.errors import InvalidInput
-from sim_node.ros import topics
+from sim_node.ros import rcl_functions, topics
 from sim_node.ros.declared_parameters import declare
 from sim_node.ros.delivery import delivery_statistics
-from sim_node.ros.node_base import RosNode, run_nodes
+from sim_node.ros.node_base import RosNode, run_nodes, take_all
 from sim_node.ros.sim_interface import ACTUATION, SENSORS
 from snca_ros.faults import NO_FAULTS
 from snca_ros.nodes import interfaces
 from snca_ros.nodes.cell_messages import CellMessages, topic_name
+from snca_ros.nodes.compiled_step import CompiledStep
 from snca_ros.nodes.duplicate import DuplicateDetector
 from snca_ros.nodes.interfaces import NeighborNames, VoxelOptions
 from snca_ros.nodes.mismatch import PhysicsMismatch
@@ -58,13 +59,15 @@ class VoxelNode(RosNode):
         )
         self._mismatch = PhysicsMismatch(path, part.physics, self.get_logger().warning)
         self._create_topics()
+        self._usual = self._compiled_step() if rcl_functions.AVAILABLE else None
         self._duplicate = DuplicateDetector(self, self._voxel)
         self._join_timer = self.create_timer(_JOIN_PAUSE, self._join)
         # Runs only while a neighbour's message is late: nearly always it arrives before sensors.
         self._poll_timer = self.create_timer(POLL_PERIOD, self._try_step)
         self._poll_timer.cancel()
         # While no step is made, a flood of messages would push needed ones out of the mailboxes.
-        self.create_timer(_SWEEP_PERIOD, self._take_messages)
+        self.create_timer(_SWEEP_PERIOD, self._sweep)
+        self._swept_step = -1
 
     def _create_topics(self) -> None:
         qos, queue = topics.stream_qos(), topics.stream_qos(topics.QUEUE)
@@ -84,7 +87,27 @@ class VoxelNode(RosNode):
             JointState, SENSORS.of(voxel), self._on_sensors, queue, raw=True
         )
 
+    def _compiled_step(self) -> CompiledStep:
+        inputs = {
+            d: (mailbox, self._neighbor_messages[d].format)
+            for d, mailbox in self._mailboxes.items()
+        }
+        outputs = [
+            (self._messages_out, self._messages.format),
+            (self._actuation_out, self._actuation_wire),
+        ]
+        return CompiledStep(
+            self._core.cell_state, self._architecture.directional, self._sensors_wire, inputs,
+            outputs,
+        )
+
     def _on_sensors(self, data: bytes) -> None:
+        if self._usual:
+            if self._usual.attempt(data):
+                self._core.note_usual_step(time.monotonic())
+                self.count('steps')
+                return
+            self._end_usual_steps()
         try:
             episode, step, readings = topics.read_joint_state(
                 self._sensors_wire, data, 0.0, 1.0
@@ -100,6 +123,12 @@ class VoxelNode(RosNode):
             self._join_timer.reset()
         self._try_step()
 
+    def _end_usual_steps(self) -> None:
+        """Leave the next step to `voxel_core`."""
+        if self._usual:
+            for direction, message in self._usual.give_back():
+                self._receive_message(direction, message)
+
     def _join(self) -> None:
         """Take part from the newest step on, unless another node of this voxel is active."""
         if self._core.join(self._duplicate.is_active):
@@ -107,9 +136,15 @@ class VoxelNode(RosNode):
             self._duplicate.close()
             self._try_step()
 
+    def _sweep(self) -> None:
+        if self._core.step == self._swept_step:
+            self._end_usual_steps()
+            self._take_messages()
+        self._swept_step = self._core.step
+
     def _take_messages(self) -> None:
-        for direction, take in self._mailboxes.items() if self._core.joined else ():
-            for data in take():
+        for direction, mailbox in self._mailboxes.items() if self._core.joined else ():
+            for data in take_all(mailbox):
                 self._receive_message(direction, data)
 
     def _receive_message(self, direction: int, data: bytes) -> None:
@@ -184,6 +219,8 @@ class VoxelNode(RosNode):
                                         episode=episode)
         )
         self.count('steps')
+        if self._usual and self._core.usual:
+            self._usual.prepare(answer.episode, answer.step, self._core.received())
 
     def _end_with_simulation(self) -> None:
         exists = self.count_publishers(SENSORS.of(self._voxel)) > 0

@@ -81,6 +81,7 @@ class VoxelCore:
         horizon: int,
     ) -> None:
         self._cells, self._faults = part.cells, part.faults
+        self.cell_state = part.cells.state
         self._directional = part.architecture.directional
         self._patience, self._real_time, self._horizon = patience, real_time, horizon
         self._buffers = {d: MessageBuffer() for d in directions}
@@ -237,6 +238,26 @@ class VoxelCore:
             a = self._cells.step_cell(0, self._readings, inbox, self.step)
         self._readings = None
         return Answer(self.episode, self.step, self._cells.outbox[0], a, newly_silent)
+
+    @property
+    def usual(self) -> bool:
+        """Return whether the next step needs nothing but sensors and all neighbours' messages."""
+        return self.joined and not (self.unanswered or self._silent or self._faults.any)
+
+    def received(self) -> dict[int, np.ndarray]:
+        """Return the messages of the present step that were received already, by direction."""
+        return {
+            d: message for d, buffer in self._buffers.items()
+            if (message := buffer.get(self.step)) is not None
+        }
+
+    def note_usual_step(self, now: float) -> None:
+        """Record that the caller has made the next step, with all messages on time."""
+        self.sensors_delivery.arrive(self.step + 1)
+        for d, buffer in self._buffers.items():
+            self.deliveries[d].close_step(self.step, True)
+            buffer.advance_to(self.episode, self.step)
+        self.step, self.since = self.step + 1, now
 
     def _fill_inbox(self) -> None:
         """Move the neighbours' messages of the last step into the inbox."""
