@@ -25,13 +25,13 @@ class Answers:
         self._voxels, self._hold = voxels, hold
         self.silent: set[str] = set()
         self.deliveries = [Delivery() for _ in voxels]
-        self._actuation = np.zeros(len(voxels))
-        self._awaited: dict[int, str] = {}
+        self.actuation = np.zeros(len(voxels))
+        self.awaited = np.zeros(len(voxels), dtype=bool)
         self.restart(0.0)
 
     def restart(self, now: float) -> None:
         """Begin an episode at time `now` [s]: clear everything but `silent`."""
-        self._actuation[:] = 0.0
+        self.actuation[:] = 0.0
         self._newest = [-1] * len(self._voxels)
         for delivery in self.deliveries:
             delivery.restart()
@@ -43,12 +43,15 @@ class Answers:
 
     def open_step(self) -> None:
         """Begin to wait for the answers of all voxels to a new step."""
-        self._awaited = dict(enumerate(self._voxels))
+        self.awaited[:] = True
 
     @property
     def missing(self) -> list[str]:
         """Return the voxels that have not answered to the present step, without the silent ones."""
-        return [voxel for voxel in self._awaited.values() if voxel not in self.silent]
+        if not self.awaited.any():
+            return []
+        return [self._voxels[i] for i in np.flatnonzero(self.awaited)
+                if self._voxels[i] not in self.silent]
 
     def take(self, i: int, sent: int, a: float, step: int, now: float) -> bool:
         """Store an actuation that was received; return whether it is in time.
@@ -60,23 +63,27 @@ class Answers:
             step: the present step.
             now: the time [s].
         """
-        in_time = sent == step and i in self._awaited
+        in_time = sent == step and bool(self.awaited[i])
         if in_time:
-            del self._awaited[i]
+            self.awaited[i] = False
         else:
             self.deliveries[i].note_late(sent)
         if in_time or (self._hold and sent > self._newest[i]):
-            self._actuation[i], self._newest[i], self._last_answer[i] = a, sent, now
+            self.actuation[i], self._newest[i], self._last_answer[i] = a, sent, now
             self.silent.discard(self._voxels[i])
         return in_time
+
+    def note_taken(self, i: int, step: int, now: float) -> None:
+        """Record that the caller has stored an answer in time."""
+        self._newest[i], self._last_answer[i] = step, now
 
     def close_step(self, step: int) -> np.ndarray:
         """Return the actuation to apply in this step, (n_voxels,) in [-1, 1]."""
         for i, (voxel, delivery) in enumerate(zip(self._voxels, self.deliveries, strict=True)):
-            delivery.close_step(step, i not in self._awaited)
+            delivery.close_step(step, not self.awaited[i])
             if voxel in self.silent:
-                self._actuation[i] = 0.0
-        return self._actuation
+                self.actuation[i] = 0.0
+        return self.actuation
 
     def mark_silent(self, now: float, limit: float) -> list[str]:
         """Add the voxels without an answer for more than `limit` seconds to `silent`.

@@ -126,6 +126,13 @@ def set_step(endpoints, i, step):
 
 
 @compiled_inline
+def numbers(endpoints, i):
+    """Return the numbers in template i as doubles that can be written."""
+    begin, end = endpoints.numbers[i]
+    return endpoints.templates[begin:end].view(np.float64)
+
+
+@compiled_inline
 def matches(endpoints, i, data):
     """Copy the numbers of a message into template i if the message has the template's other bytes.
 

@@ -98,6 +98,7 @@ class SimNode(RosNode):
         self._tick_timer.cancel()
         self._times.restart()
         self._readings = self.simulation.reset()
+        self._broadcast.begin_episode(self._episode)
         self._publish_step()
 
     def _publish_step(self) -> None:
@@ -109,11 +110,18 @@ class SimNode(RosNode):
         if duration and self.simulation.step_count >= duration * CONTROL_RATE:
             self._finish()
         else:
-            self._broadcast.publish_sensors(self._readings, self._episode)
+            self._broadcast.publish_sensors(self._readings)
 
     def _on_actuation(self, i: int, data: bytes) -> None:
         voxel = self._voxels[i]
-        step = self.simulation.step_count
+        step, answers = self.simulation.step_count, self._answers
+        exchange = self._broadcast.exchange
+        usual = self._begun and exchange and not answers.silent
+        if usual and exchange.read_answer(i, data, step, answers.actuation, answers.awaited):
+            answers.note_taken(i, step, time.monotonic())
+            if not answers.awaited.any():
+                self._advance_if_ready()
+            return
         try:
             episode, sent, a = topics.read_joint_state(
                 self._actuation_wires[i], data, -1.0, 1.0

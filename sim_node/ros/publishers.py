@@ -11,7 +11,8 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
 from sim_node.control_time import CONTROL_RATE, MARKER_PERIOD, stamp_of_step
-from sim_node.ros import topics
+from sim_node.ros import rcl_functions, topics
+from sim_node.ros.compiled_exchange import CompiledExchange
 from sim_node.ros.sim_interface import ACTUATION, CLOCK, MARKERS, ODOMETRY, SENSORS
 from sim_node.simulation import Simulation
 
@@ -35,6 +36,15 @@ class Broadcast:
              topics.sensors_format(voxel, simulation.sensors))
             for voxel in voxels
         ]
+        self.exchange = None
+        if rcl_functions.AVAILABLE:
+            self.exchange = CompiledExchange([topics.actuation_format(v) for v in voxels], self._sensors)
+        self._episode = np.zeros(0, np.uint8)
+
+    def begin_episode(self, episode: np.ndarray) -> None:
+        self._episode = episode
+        if self.exchange:
+            self.exchange.begin_episode(episode.tobytes())
 
     @property
     def publishers(self) -> Sequence[Publisher]:
@@ -74,13 +84,16 @@ class Broadcast:
         if step % CONTROL_RATE == 0:  # repeated for viewers that join late
             self._markers.publish(self._ground)
 
-    def publish_sensors(self, readings: np.ndarray, episode: np.ndarray) -> None:
+    def publish_sensors(self, readings: np.ndarray) -> None:
         """Publish each voxel's readings at the present step.
 
         Args:
             readings: (n_voxels, n_sensors).
             episode: as from `sim_node.episode.new_episode`.
         """
+        if self.exchange:
+            self.exchange.publish_sensors(self._simulation.step_count, readings)
+            return
         stamp = stamp_of_step(self._simulation.step_count)
         for (publisher, wire), own in zip(self._sensors, readings, strict=True):
-            publisher.publish(wire.encode(stamp, position=own, episode=episode))
+            publisher.publish(wire.encode(stamp, position=own, episode=self._episode))

@@ -20,6 +20,7 @@ from sim_node.ros.endpoints import (
     NONE,
     OTHER,
     matches,
+    numbers,
     publish,
     publishers,
     set_episode,
@@ -54,7 +55,7 @@ def _step(data, sensors, inputs, outputs, cells, blocks, found, step, readings, 
     set_step(sensors, 0, step)
     if not matches(sensors, 0, data):
         return False
-    readings[0] = _numbers(sensors, 0)
+    readings[0] = numbers(sensors, 0)
     for value in readings[0]:
         if not 0.0 <= value <= 1.0:
             return False
@@ -71,16 +72,10 @@ def _step(data, sensors, inputs, outputs, cells, blocks, found, step, readings, 
         set_step(outputs, output, step)
     _write_message(cells.network.model, cells.outbox[0], outputs)
     publish(outputs, _MESSAGE)
-    _numbers(outputs, _ACTUATION)[0] = actuation[0]
+    numbers(outputs, _ACTUATION)[0] = actuation[0]
     publish(outputs, _ACTUATION)
     found[:] = NONE
     return True
-
-
-@compiled_inline
-def _numbers(endpoints, i):
-    begin, end = endpoints.numbers[i]
-    return endpoints.templates[begin:end].view(np.float64)
 
 
 @compiled_inline
@@ -101,7 +96,7 @@ def _read_trains(model, inbox, inputs, d, block):
 
 @compiled_inline
 def _read_values(model, inbox, inputs, d, block):
-    values, n_c = _numbers(inputs, d), len(inbox)
+    values, n_c = numbers(inputs, d), len(inbox)
     valid = True
     for value in values:
         valid &= abs(value) <= 1.0
@@ -127,7 +122,7 @@ def _write_trains(model, outbox, outputs):
 
 @compiled_inline
 def _write_values(model, outbox, outputs):
-    values = _numbers(outputs, _MESSAGE)
+    values = numbers(outputs, _MESSAGE)
     for block in range(outbox.shape[0]):
         for c in range(outbox.shape[1]):
             values[block * outbox.shape[1] + c] = outbox[block, c]
