@@ -3,7 +3,7 @@
 import fcntl
 import os
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import numba
 from numba.core.ccallback import CFunc
@@ -11,6 +11,8 @@ from numba.core.compiler import Compiler
 from numba.core.sigutils import normalize_signature
 
 from sim_node.numerics.code_cache import CodeCache, folder
+
+T = TypeVar('T')
 
 
 def _kept(compiled: Any, function: Callable) -> Any:
@@ -35,6 +37,16 @@ def compiled(function: Callable) -> Callable:
     gives the same bits in all of its callers.
     """
     return _compiled(function)
+
+
+def entry_point(function: Callable, *arguments: Any) -> Callable:
+    """Return a `compiled` function for arguments of these types, compiled or loaded now.
+
+    It is called without looking at the types of its arguments, which takes longer than a short
+    function itself. The caller must pass the same types.
+    """
+    dispatcher: Any = function
+    return dispatcher.compile(tuple(numba.typeof(argument) for argument in arguments))
 
 
 _PART = {'no_cpython_wrapper': True, '_nrt': False}
@@ -88,8 +100,8 @@ def compiled_callback(signature: Any) -> Callable:
     return decorate
 
 
-def warm_up(name: str, run: Callable[[], object]) -> None:
-    """Call `run`, which uses compiled functions, so that only one of many processes compiles them.
+def warm_up(name: str, run: Callable[[], T]) -> T:
+    """Return the result of `run`, which uses compiled functions, so that only one of many processes compiles them.
 
     Args:
         name: name of the set of functions, the same in all processes.
@@ -97,9 +109,9 @@ def warm_up(name: str, run: Callable[[], object]) -> None:
     """
     place = folder()
     if place is None or (done := place / f'{name}.compiled').exists():
-        run()
-        return
+        return run()
     with (place / f'{name}.lock').open('w') as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        run()
+        result = run()
         done.touch()
+    return result

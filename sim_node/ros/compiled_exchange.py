@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from rclpy.publisher import Publisher
 
-from sim_node.numerics.jit import compiled, warm_up
+from sim_node.numerics.jit import compiled, entry_point, warm_up
 from sim_node.ros.cdr import WireFormat
 from sim_node.ros.endpoints import (
     matches,
@@ -23,7 +23,7 @@ def _read_answer(data, i, answers, step, actuation, awaited):
     """Read an awaited answer of voxel i; return whether `data` is one.
 
     Args:
-        data: (n_bytes,) uint8, a message.
+        data: bytes of a message.
         i: index of the voxel.
         answers: Endpoints of all voxels' actuation.
         step: control step whose sensors it must answer.
@@ -66,11 +66,10 @@ class CompiledExchange:
         self._answers = subscriptions([None] * n, answers, ['position'] * n)
         self._sensors = publishers(to_voxels, formats, ['position'] * n)
 
-        def compile_both() -> None:
-            self.read_answer(0, b'', 0, np.zeros(n), np.ones(n, dtype=bool))
-            _publish_sensors(self._sensors, 0, np.zeros((0, 0)))
-
-        warm_up('exchange', compile_both)
+        answer = b'', 0, self._answers, 0, np.zeros(n), np.zeros(n, dtype=bool)
+        self._read = warm_up('answers', lambda: entry_point(_read_answer, *answer))
+        step = self._sensors, 0, np.zeros((n, 1))
+        self._publish = warm_up('sensors', lambda: entry_point(_publish_sensors, *step))
 
     def begin_episode(self, episode: bytes) -> None:
         """Accept and send messages of this episode from now on."""
@@ -89,9 +88,8 @@ class CompiledExchange:
             actuation: (n_voxels,), written.
             awaited: (n_voxels,) bool, written.
         """
-        message = np.frombuffer(data, np.uint8)
-        return _read_answer(message, i, self._answers, step, actuation, awaited)
+        return self._read(data, i, self._answers, step, actuation, awaited)
 
     def publish_sensors(self, step: int, readings: np.ndarray) -> None:
         """Publish each voxel's readings, (n_voxels, n_sensors), at a control step."""
-        _publish_sensors(self._sensors, step, readings)
+        self._publish(self._sensors, step, readings)

@@ -13,7 +13,7 @@ from rclpy.subscription import Subscription
 
 from sim_node.model.morphology import DIRECTIONS, OPPOSITE
 from sim_node.numerics.dispatch import by_attribute
-from sim_node.numerics.jit import compiled, compiled_inline, warm_up
+from sim_node.numerics.jit import compiled, compiled_inline, entry_point, warm_up
 from sim_node.ros.cdr import WireFormat
 from sim_node.ros.endpoints import (
     EXPECTED,
@@ -42,7 +42,7 @@ def _step(data, sensors, inputs, outputs, cells, blocks, found, step, readings, 
     """Make control step `step` if it is usual; return whether it was made.
 
     Args:
-        data: (n_bytes,) uint8, the message of sensors.
+        data: bytes of the message of sensors.
         sensors, inputs, outputs: Endpoints of the sensors, of the 4 neighbours' messages, and of
             the voxel's message and actuation.
         cells: CellState of one cell.
@@ -168,7 +168,8 @@ class CompiledStep:
         self._readings = np.zeros_like(cells.last_spike)
         self._actuation = np.zeros(1)
         self._next = -1  # the step that can be made; -1 for none
-        warm_up('voxel', lambda: self._make(b''))
+        model = type(cells.network.model).__name__
+        self._step = warm_up(f'voxel-{model}', lambda: entry_point(_step, *self._arguments(b'')))
 
     def prepare(self, episode: bytes, step: int, received: Mapping[int, np.ndarray]) -> None:
         """Get ready to make the step after `step`.
@@ -190,14 +191,14 @@ class CompiledStep:
 
     def attempt(self, data: bytes) -> bool:
         """Make the next step with these sensors if it is usual; return whether it was made."""
-        made = self._next >= 0 and self._make(data)
+        made = self._next >= 0 and self._step(*self._arguments(data))
         self._next = self._next + 1 if made else -1
         return made
 
-    def _make(self, data: bytes) -> bool:
-        return _step(
-            np.frombuffer(data, np.uint8), self._sensors, self._inputs, self._outputs,
-            self._cells, self._blocks, self._found, self._next, self._readings, self._actuation,
+    def _arguments(self, data: bytes) -> tuple:
+        return (
+            data, self._sensors, self._inputs, self._outputs, self._cells, self._blocks,
+            self._found, self._next, self._readings, self._actuation,
         )
 
     def give_back(self) -> list[tuple[int, bytes]]:
