@@ -29,6 +29,7 @@ from sim_node.ros.sim_interface import ACTUATION, PAUSE, RESET, SIM_NODE, STEP
 from sim_node.simulation import Diverged
 
 _SLOW = 0.5  # seconds after which the diagnostics name the voxels without an answer
+_WATCH_PERIOD = 0.1  # seconds between checks for silent voxels
 _SOON = 1000  # nanoseconds until a step whose deadline has passed
 _FAILED = 1
 
@@ -50,12 +51,12 @@ class SimNode(RosNode):
         self._answers = Answers(self._voxels, hold=self._real_time)
         self._begun, self._paused = False, self._options.start_paused
         self._requested_steps: int | None = None
-        self._waiting_since = time.monotonic()
+        self._waiting_since = self.listening.now()
         self._reported_step = -1
         self._times = StepTimes()
         self._pace = Pace(CONTROL_RATE * (factor or 1.0))  # used in real time only
         self._tick_timer = self.create_timer(1.0, self._tick, autostart=False)
-        self.create_timer(0.25, self._watch)
+        self.create_timer(_WATCH_PERIOD, self._watch)
         if self._options.recorders:
             self._start_timer = self.create_timer(0.02, self._begin_if_recorded)
         else:
@@ -82,7 +83,7 @@ class SimNode(RosNode):
         if not missing:
             self._start_timer.cancel()
             self._begin()
-        elif time.monotonic() - self._waiting_since > limit:
+        elif self.listening.now() - self._waiting_since > limit:
             self.get_logger().error(
                 f'after {limit:g} s recorders have not subscribed to: {", ".join(missing)}'
             )
@@ -94,7 +95,7 @@ class SimNode(RosNode):
         self._begun, self._requested_steps = True, None
         if not self._real_time:
             self._answers.silent.clear()
-        self._answers.restart(time.monotonic())
+        self._answers.restart(self.listening.now())
         self._tick_timer.cancel()
         self._times.restart()
         self._readings = self.simulation.reset()
@@ -103,7 +104,7 @@ class SimNode(RosNode):
     def _publish_step(self) -> None:
         """Publish state and sensors at the present step and start to wait for actuation."""
         self._answers.open_step()
-        self._waiting_since = time.monotonic()
+        self._waiting_since = self.listening.now()
         self._broadcast.publish_state()
         duration = self._options.duration
         if duration and self.simulation.step_count >= duration * CONTROL_RATE:
@@ -128,7 +129,7 @@ class SimNode(RosNode):
             self.count('actuation of another episode')
             return
         was_silent = voxel in self._answers.silent
-        if not self._answers.take(i, sent, a[0], step, time.monotonic()):
+        if not self._answers.take(i, sent, a[0], step, self.listening.now()):
             self.count('late or repeated actuation')
         if was_silent and voxel not in self._answers.silent:
             self.get_logger().info(f'{voxel} answers again')
@@ -171,7 +172,7 @@ class SimNode(RosNode):
         """Start the deadlines of real time, at the beginning or after a pause."""
         now = time.monotonic()
         self._pace.start(self.simulation.step_count, now)
-        self._answers.restart_timeouts(now)
+        self._answers.restart_timeouts(self.listening.now())
         self._times.restart()
         self._await_tick()
 
@@ -189,7 +190,7 @@ class SimNode(RosNode):
         if now >= self._pace.due(step):
             self._pace.note(step, now)
             limit = max(self._options.hold_limit, 2.0 * self._pace.period)
-            if silent := self._answers.mark_silent(now, limit):
+            if silent := self._answers.mark_silent(self.listening.now(), limit):
                 self.get_logger().error(f'limp, silent for {limit:g} s: {", ".join(silent)}')
                 self.publish_diagnostics()
             self._make_step()
@@ -197,7 +198,7 @@ class SimNode(RosNode):
 
     def _watch(self) -> None:
         """Report voxels that have not answered for too long; stop or continue without them."""
-        step, waited = self.simulation.step_count, time.monotonic() - self._waiting_since
+        step, waited = self.simulation.step_count, self.listening.now() - self._waiting_since
         missing = self._answers.missing
         if not missing or self._halted or self._free_running:
             return
@@ -238,7 +239,7 @@ class SimNode(RosNode):
         if self._paused:
             return DiagnosticStatus.OK, f'paused, step {step}'
         waiting = self._begun and not self._free_running and self.exit_code is None
-        if waiting and time.monotonic() - self._waiting_since > _SLOW:
+        if waiting and self.listening.now() - self._waiting_since > _SLOW:
             missing = ', '.join(self._answers.missing)
             return DiagnosticStatus.WARN, f'step {step} waits for {missing}'
         return DiagnosticStatus.OK, f'running, step {step}'
@@ -262,7 +263,7 @@ class SimNode(RosNode):
 
     def _serve_pause(self, request: SetBool.Request, response: SetBool.Response):
         self._paused, self._requested_steps = request.data, None
-        self._waiting_since = time.monotonic()
+        self._waiting_since = self.listening.now()
         self._times.restart()
         response.success = True
         response.message = f'{"paused" if request.data else "running"} at step ' + str(

@@ -28,6 +28,7 @@ from rclpy.timer import Timer
 
 from sim_node.errors import InvalidInput, near_miss
 from sim_node.ros import security
+from sim_node.ros.deadlines import ListeningTime
 from sim_node.ros.interface import DIAGNOSTICS, DIAGNOSTICS_PERIOD
 from sim_node.ros.stop_signals import StopRequest
 
@@ -46,6 +47,7 @@ class RosNode(Node):
 
     Attributes:
         ended: future that is done as soon as `exit_code` is set.
+        listening: the time that limits count; nodes with limits call it at least every 0.2 s.
         counters: counts by name that /diagnostics shows, see `count`.
     """
 
@@ -53,6 +55,7 @@ class RosNode(Node):
         self._taken_by_node: list[Subscription] = []
         super().__init__(name, **options)
         self.ended = Future()
+        self.listening = ListeningTime()
         self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS.name, 10)
         self.create_timer(DIAGNOSTICS_PERIOD, self.publish_diagnostics)
         self.counters: dict[str, int] = {}
@@ -181,11 +184,11 @@ class RosNode(Node):
 
     def wait_for_readers(self, publishers: Sequence[Any]) -> None:
         """Wait up to 2 s until subscribers have acknowledged all published messages."""
-        deadline = time.monotonic() + _READERS_LIMIT
+        waited = ListeningTime()
         for publisher in (*publishers, self._diagnostics):
-            remaining = deadline - time.monotonic()
-            if remaining > 0.0 and publisher.get_subscription_count():
-                publisher.wait_for_all_acked(Duration(seconds=remaining))
+            while publisher.get_subscription_count() and waited.now() < _READERS_LIMIT:
+                if publisher.wait_for_all_acked(Duration(seconds=_STOP_LATENCY)):
+                    break
 
     def close(self) -> None:
         """Finish pending work before the node is destroyed; nodes override it."""
@@ -265,8 +268,8 @@ def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> i
     check_end()
     while not end.done():
         executor.spin_until_future_complete(end, _SPIN_PERIOD)
-    deadline = time.monotonic() + _DRAIN_LIMIT
-    while any(node.draining() for node in nodes) and time.monotonic() < deadline:
+    drained = ListeningTime()
+    while any(node.draining() for node in nodes) and drained.now() < _DRAIN_LIMIT:
         executor.spin_once(_STOP_LATENCY)
     for node in nodes:
         node.publish_diagnostics()

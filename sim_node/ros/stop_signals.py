@@ -34,11 +34,18 @@ def blocked_stop_signals() -> Iterator[None]:
 
 
 class StopRequest:
-    """Notes the signals from its creation on; the caller looks at `requested`."""
+    """Notes the signals from its creation on, unless they are ignored like in a background job.
+
+    Attributes:
+        requested: whether the process has been asked to end.
+    """
 
     def __init__(self) -> None:
         self.requested = False
-        self._before = {n: signal.signal(n, self._note) for n in STOP_SIGNALS}
+        self._before = {
+            number: signal.signal(number, self._note) for number in STOP_SIGNALS
+            if signal.getsignal(number) is not signal.SIG_IGN
+        }
 
     def _note(self, number: int, frame: object) -> None:
         self.requested = True

@@ -16,7 +16,7 @@ from sim_node.model.morphology import parse_morphology
 from sim_node.ros import security
 from sim_node.ros.sim_interface import BodyOptions
 from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
-from snca_ros.command_line import INTERRUPTED
+from snca_ros.command_line import INTERRUPTED, exiting_at_interrupt
 from snca_ros.commands.declared_options import add_option
 from snca_ros.commands.report import print_report
 from snca_ros.controller_file import TrainedController, load_controller
@@ -95,9 +95,10 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     )
     graph = describe_graph(path, trained, options)
     # This also checks all names and compiles the cells before the processes need them.
-    offline = _offline_centers(
-        trained, args.terrain or trained.terrain, engine, args.duration, faults
-    )
+    with exiting_at_interrupt():
+        offline = _offline_centers(
+            trained, args.terrain or trained.terrain, engine, args.duration, faults
+        )
     open_view = None
     if args.view is not None:
         open_view = partial(LiveView, args.view, trained, args.terrain or trained.terrain)

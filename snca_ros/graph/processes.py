@@ -2,16 +2,17 @@
 
 import os
 import signal
-import subprocess
 import tempfile
 import time
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
+from sim_node.ros.deadlines import ListeningTime
 from snca_ros.graph.description import Graph, NodeProcess
 from snca_ros.graph.fork_server import ForkedProcess, ForkServer
 
+_POLL_PERIOD = 0.01  # seconds between checks whether processes have ended
 _PATIENCE = 10.0  # seconds that a process has to end after SIGINT before it is killed
 
 
@@ -75,15 +76,13 @@ class RunningGraph:
     @staticmethod
     def _end(children: list[ForkedProcess]) -> None:
         for child in children:
-            if child.poll() is None:
-                child.send_signal(signal.SIGINT)
-        deadline = time.monotonic() + _PATIENCE
+            child.send_signal(signal.SIGINT)
+        waited = ListeningTime()
+        while any(child.poll() is None for child in children) and waited.now() < _PATIENCE:
+            time.sleep(_POLL_PERIOD)
         for child in children:
-            try:
-                child.wait(max(0.0, deadline - time.monotonic()))
-            except subprocess.TimeoutExpired:
-                child.kill()
-                child.wait()
+            child.kill()
+            child.wait()
 
     def wait(self, process: NodeProcess, timeout: float) -> int:
         """Return the exit code of a process when it ends, or raise subprocess.TimeoutExpired."""

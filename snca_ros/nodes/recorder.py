@@ -111,7 +111,7 @@ class RecorderNode(RosNode):
         )
 
     def _write(self, connection: Connection, data: bytes) -> None:
-        self._last_message = time.monotonic()
+        self._last_message = self.listening.now()
         if self.exit_code is None:
             with self._ending_on_error('written'):
                 self._writer.write(connection, time.time_ns(), data)
@@ -138,7 +138,7 @@ class RecorderNode(RosNode):
 
     def draining(self) -> bool:
         """Return whether messages still arrive, so that the queues are empty at the end."""
-        return time.monotonic() - self._last_message < _DRAINED
+        return self.listening.now() - self._last_message < _DRAINED
 
     def close(self) -> None:
         """Finish the bag."""

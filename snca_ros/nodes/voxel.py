@@ -7,7 +7,6 @@ timers and diagnostics. In control step k it publishes message(k), then `actuati
 
 import argparse
 import sys
-import time
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -64,7 +63,7 @@ class VoxelNode(RosNode):
         self._poll_timer = self.create_timer(POLL_PERIOD, self._try_step)
         self._poll_timer.cancel()
         # While no step is made, a flood of messages would push needed ones out of the mailboxes.
-        self.create_timer(_SWEEP_PERIOD, self._take_messages)
+        self.create_timer(_SWEEP_PERIOD, self._sweep)
 
     def _create_topics(self) -> None:
         qos, queue = topics.stream_qos(), topics.stream_qos(topics.QUEUE)
@@ -89,7 +88,7 @@ class VoxelNode(RosNode):
             episode, step, readings = topics.read_joint_state(
                 self._sensors_wire, data, 0.0, 1.0
             )
-            result = self._core.receive_sensors(episode, step, readings, time.monotonic())
+            result = self._core.receive_sensors(episode, step, readings, self.listening.now())
         except InvalidInput as error:
             self.refuse(SENSORS.of(self._voxel), error)
             return
@@ -106,6 +105,10 @@ class VoxelNode(RosNode):
             self._join_timer.cancel()
             self._duplicate.close()
             self._try_step()
+
+    def _sweep(self) -> None:
+        self.listening.now()
+        self._take_messages()
 
     def _take_messages(self) -> None:
         for direction, take in self._mailboxes.items() if self._core.joined else ():
@@ -139,7 +142,7 @@ class VoxelNode(RosNode):
         if overdue := core.overdue:
             return DiagnosticStatus.WARN, f'step {core.step}, silent: {self._names(overdue)}'
         if not core.unanswered:
-            age = time.monotonic() - core.since
+            age = self.listening.now() - core.since
             return DiagnosticStatus.OK, f'step {core.step}, sensors received {age:.1f} s ago'
         if not core.awaited:
             return DiagnosticStatus.OK, f'step {core.step}'
@@ -160,7 +163,7 @@ class VoxelNode(RosNode):
         if not (self._core.unanswered and self._core.joined):
             return
         self._take_messages()
-        now = time.monotonic()
+        now = self.listening.now()
         answer = self._core.answer(now)
         if answer is None:
             self._poll_timer.timer_period_ns = int(self._core.poll_period(now) * 1e9)
