@@ -159,6 +159,14 @@ def test_somebody_else_may_have_cleaned_up(launch):
     ('faults', 'los=0.3', "faults: got 'los', .*did you mean 'loss'"),
     ('faults', 'loss=2', 'loss: got 2.0, expected a number from 0 to 1'),
     ('faults', 'nowhere.yaml', 'nowhere.yaml'),
+    ('faults', 'death=voxel_9_9', "death: voxel: got 'voxel_9_9', expected"),
+    ('faults', 'broken_sensors=zero:voxel_9_9', "broken_sensors: voxel: got 'voxel_9_9', expected"),
+    ('terrain', 'hily-1-10-0', "terrain: got 'hily-1-10-0', .*did you mean 'hilly'"),
+    ('duration', '-1', 'duration: got -1.0, expected a number from 0 to 100000'),
+    ('duration', 'nan', 'duration: got nan, expected a number from 0 to 100000'),
+    ('storage', 'mcaps', "storage: got 'mcaps', .*did you mean 'mcap'"),
+    ('bag', '.', "bag: got '.', expected a folder that does not exist yet"),
+    ('bag', '/proc/none/bag', "bag: got '/proc/none/bag', expected a folder that can be written"),
 ])
 def test_bad_arguments_are_named_and_leave_nothing(launch, temporary, name, value, complaint):
     with pytest.raises(InvalidInput, match=complaint):

@@ -22,7 +22,7 @@ from snca_ros.commands.report import print_report
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.episode import run_episode
 from snca_ros.faults import FAULTS_HELP, Faults, parse_faults
-from snca_ros.files import FIGURE, check_new_bag
+from snca_ros.files import FIGURE
 from snca_ros.graph.description import Graph, WalkOptions, describe_graph, robot_name
 from snca_ros.graph.live_view import LiveView
 from snca_ros.graph.processes import RunningGraph
@@ -84,8 +84,6 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     _check_shape(path, trained, args.shape)
     robot = args.robot or robot_name(trained.morphology)
     bag = args.bag or Path('bags') / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'
-    if not args.no_bag:
-        check_new_bag(bag)
     engine = args.engine
     faults = parse_faults(args.faults)
     options = WalkOptions(
@@ -94,7 +92,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         simulation={} if args.view is None else {'recorders': 2 - args.no_bag},
     )
     graph = describe_graph(path, trained, options)
-    # This also checks all names and compiles the cells before the processes need them.
+    # This also compiles the cells before the processes need them.
     with exiting_at_interrupt():
         offline = _offline_centers(
             trained, args.terrain or trained.terrain, engine, args.duration, faults
