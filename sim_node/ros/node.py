@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from sim_node.control_time import CONTROL_RATE, START_STEPS
-from sim_node.episode import new_episode
+from sim_node.episode import EpisodeNames
 from sim_node.errors import InvalidInput
 from sim_node.numerics.jit import warm_up
 from sim_node.ros import topics
@@ -26,11 +26,13 @@ from sim_node.ros.node_base import RosNode, run_nodes
 from sim_node.ros.parameters import options_of, simulation_of
 from sim_node.ros.publishers import Broadcast
 from sim_node.ros.sim_interface import ACTUATION, PAUSE, RESET, SIM_NODE, STEP
+from sim_node.ros.start import Start
+from sim_node.ros.strangers import Strangers
 from sim_node.simulation import Diverged
 
 _SLOW = 0.5  # seconds after which the diagnostics name the voxels without an answer
 _SOON = 1000  # nanoseconds until a step whose deadline has passed
-_FAILED = 1
+_STOPPED = 1  # exit code
 
 
 class SimNode(RosNode):
@@ -38,6 +40,8 @@ class SimNode(RosNode):
 
     def __init__(self) -> None:
         super().__init__(SIM_NODE.name)
+        self._start = Start(self)
+        self._strangers = Strangers(self, self.get_logger().warning)
         self.simulation = simulation_of(self)
         self._options = options_of(self)
         self.check_unknown_parameters()
@@ -48,6 +52,7 @@ class SimNode(RosNode):
         factor = self._options.real_time_factor
         self._real_time = factor > 0.0
         self._answers = Answers(self._voxels, hold=self._real_time)
+        self._names = EpisodeNames(self.simulation.solver.physics, self._start.identity)
         self._begun, self._paused = False, self._options.start_paused
         self._requested_steps: int | None = None
         self._waiting_since = time.monotonic()
@@ -56,10 +61,10 @@ class SimNode(RosNode):
         self._pace = Pace(CONTROL_RATE * (factor or 1.0))  # used in real time only
         self._tick_timer = self.create_timer(1.0, self._tick, autostart=False)
         self.create_timer(0.25, self._watch)
-        if self._options.recorders:
-            self._start_timer = self.create_timer(0.02, self._begin_if_recorded)
-        else:
-            self._begin()
+        self._start.begin_when_possible(
+            self._begin, lambda: self._broadcast.unrecorded_topics(self._options.recorders),
+            self._options.start_limit,
+        )
 
     def _make_topics(self) -> None:
         self._broadcast = Broadcast(self, self.simulation)
@@ -75,22 +80,9 @@ class SimNode(RosNode):
         self.create_service(SetBool, PAUSE.name, self._serve_pause)
         self.create_service(Trigger, STEP.name, self._serve_step)
 
-    def _begin_if_recorded(self) -> None:
-        """Begin as soon as every recorder has subscribed to all topics."""
-        missing = self._broadcast.unrecorded_topics(self._options.recorders)
-        limit = self._options.start_limit
-        if not missing:
-            self._start_timer.cancel()
-            self._begin()
-        elif time.monotonic() - self._waiting_since > limit:
-            self.get_logger().error(
-                f'after {limit:g} s recorders have not subscribed to: {", ".join(missing)}'
-            )
-            self.exit_code = _FAILED
-
     def _begin(self) -> None:
         """Begin an episode: put the robot down, wait for every voxel again, publish step 0."""
-        self._episode = new_episode(self.simulation.solver.physics)
+        self._episode = self._names.next()
         self._begun, self._requested_steps = True, None
         if not self._real_time:
             self._answers.silent.clear()
@@ -157,8 +149,7 @@ class SimNode(RosNode):
         try:
             self._readings = self.simulation.step(actuation)
         except Diverged as error:
-            self.get_logger().error(f'the physics diverged: {error}')
-            self.exit_code = _FAILED
+            self.fail(f'the physics diverged: {error}')
             return
         self.count('steps')
         if self.simulation.step_count > START_STEPS:
@@ -213,10 +204,9 @@ class SimNode(RosNode):
         )
         self._answers.silent.update(missing)
         if not self._real_time and self._options.on_silence == 'stop':
-            self.exit_code = _FAILED
+            self.exit_code = _STOPPED
         elif not self._real_time and len(self._answers.silent) == len(self._voxels):
-            self.get_logger().error('every voxel is silent')
-            self.exit_code = _FAILED
+            self.fail('every voxel is silent')
         else:
             self._advance_if_ready()
 
@@ -231,10 +221,18 @@ class SimNode(RosNode):
         self.wait_for_readers(self._broadcast.publishers)
 
     def health(self) -> tuple[bytes, str]:
-        """Return the state for /diagnostics."""
+        """Return the state for /diagnostics, and which other nodes publish its topics."""
+        level, text = self._state()
+        if strangers := self._strangers.text(self._broadcast.publishers):
+            return max(level, DiagnosticStatus.WARN), f'{text}; {strangers}'
+        return level, text
+
+    def _state(self) -> tuple[bytes, str]:
         step = self.simulation.step_count
         if silent := self._answers.silent:
             return DiagnosticStatus.ERROR, f'silent: {", ".join(sorted(silent))}'
+        if not self._begun:
+            return DiagnosticStatus.OK, 'not begun'
         if self._paused:
             return DiagnosticStatus.OK, f'paused, step {step}'
         waiting = self._begun and not self._free_running and self.exit_code is None
@@ -242,6 +240,11 @@ class SimNode(RosNode):
             missing = ', '.join(self._answers.missing)
             return DiagnosticStatus.WARN, f'step {step} waits for {missing}'
         return DiagnosticStatus.OK, f'running, step {step}'
+
+    def publish_diagnostics(self) -> None:
+        """Publish the state, unless another simulation of this name does."""
+        if self._start.alone:
+            super().publish_diagnostics()
 
     def statistics(self) -> Mapping[str, object]:
         """Return step times, missed deadlines and delivery statistics for /diagnostics."""

@@ -33,6 +33,7 @@ from sim_node.ros.interface import DIAGNOSTICS, DIAGNOSTICS_PERIOD
 
 BAD_INPUT = 2
 
+_FAILED = 1
 _STOP_LATENCY = 0.1  # seconds between checks for a signal
 _SPIN_PERIOD = 60.0  # seconds; without a timeout EventsExecutor busy-waits
 _DRAIN_LIMIT = 3.0
@@ -89,6 +90,11 @@ class RosNode(Node):
     def exit_code(self, code: int) -> None:
         self.ended.set_result(code)
 
+    def fail(self, reason: str) -> None:
+        """Log an error, and end the process with exit code 1."""
+        self.get_logger().error(reason)
+        self.exit_code = _FAILED
+
     def create_timer(
         self,
         timer_period_sec: float,
@@ -98,8 +104,8 @@ class RosNode(Node):
         autostart: bool = True,
     ) -> Timer:
         """Create a timer on wall time, which continues while simulated time stands still."""
-        clock = clock or Clock(clock_type=ClockType.STEADY_TIME)
-        return super().create_timer(timer_period_sec, callback, callback_group, clock, autostart)
+        steady = clock or Clock(clock_type=ClockType.STEADY_TIME)
+        return super().create_timer(timer_period_sec, callback, callback_group, steady, autostart)
 
     def parameter(
         self,

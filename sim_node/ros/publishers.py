@@ -44,6 +44,8 @@ class Broadcast:
 
     def unrecorded_topics(self, recorders: int) -> list[str]:
         """Return the topics to which fewer than `recorders` recorders have subscribed."""
+        if not recorders:
+            return []
         names = [self._odometry.topic_name]
         for voxel in self._simulation.morphology.voxel_names:
             for topic in (ACTUATION, SENSORS):

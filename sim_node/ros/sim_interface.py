@@ -37,6 +37,11 @@ ACTUATION = Topic(
     '1 contracts, -1 expands',
     of_voxel=True,
 )
+PRESENCE = Topic(
+    '_simulation_*', 'std_msgs/msg/String', 'twice per second of wall time',
+    'hidden topic of one simulation: * = its identity, the four digits that the names of its '
+    'episodes have in common; host, process id, and `starting` or `running`',
+)
 
 
 @dataclass(frozen=True)
@@ -113,7 +118,7 @@ SIM_NODE = NodeInterface(
     'their actuation (or, in real time, until the step is due), and makes the step.',
     'ros2 run snca_ros sim_node --ros-args -r __ns:=/<robot> -p <parameter>:=<value>',
     parameters=(CONTROLLER, WORLD, RUN, FAULTS, SOLVER, MATERIAL),
-    publishes=(SENSORS, ODOMETRY, MARKERS, CLOCK, DIAGNOSTICS, ROSOUT),
-    subscribes=(ACTUATION,),
+    publishes=(SENSORS, ODOMETRY, MARKERS, CLOCK, PRESENCE, DIAGNOSTICS, ROSOUT),
+    subscribes=(ACTUATION, PRESENCE),
     serves=(RESET, PAUSE, STEP),
 )

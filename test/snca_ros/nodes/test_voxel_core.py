@@ -7,6 +7,7 @@ import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+from support.voxel_world import NoSimulations
 
 from sim_node.control_time import START_STEPS
 from sim_node.errors import InvalidInput
@@ -57,11 +58,12 @@ class NoFaults:
         return False
 
 
-def make_core(patience=0.0, real_time=False, joined=True, faults=None):
+def make_core(patience=0.0, real_time=False, joined=True, faults=None, simulations=None):
     architecture = SimpleNamespace(directional=False)
     part = OwnPart(architecture, CellSpy(), faults or NoFaults(), 'reference')
     core = VoxelCore(
-        part, [LEFT, RIGHT], patience=patience, real_time=real_time, horizon=HORIZON
+        part, [LEFT, RIGHT], patience=patience, real_time=real_time, horizon=HORIZON,
+        simulations=simulations or NoSimulations(),
     )
     core.joined = joined
     return core, part.cells
