@@ -62,12 +62,12 @@ class SimNode(RosNode):
         self._tick_timer = self.create_timer(1.0, self._tick, autostart=False)
         self.create_timer(0.25, self._watch)
         self._start.begin_when_possible(
-            self._begin, lambda: self._broadcast.unrecorded_topics(self._options.recorders),
+            self._begin_first, lambda: self._broadcast.unrecorded_topics(self._options.recorders),
             self._options.start_limit,
         )
 
     def _make_topics(self) -> None:
-        self._broadcast = Broadcast(self, self.simulation)
+        self._broadcast = Broadcast(self, self.simulation, self._options.clock)
         self._actuation_wires = [topics.actuation_format(voxel) for voxel in self._voxels]
         for i, voxel in enumerate(self._voxels):
             self.create_subscription(
@@ -79,6 +79,10 @@ class SimNode(RosNode):
         self.create_service(Trigger, RESET.name, self._serve_reset)
         self.create_service(SetBool, PAUSE.name, self._serve_pause)
         self.create_service(Trigger, STEP.name, self._serve_step)
+
+    def _begin_first(self) -> None:
+        self._broadcast.settle()
+        self._begin()
 
     def _begin(self) -> None:
         """Begin an episode: put the robot down, wait for every voxel again, publish step 0."""

@@ -15,7 +15,13 @@ from sim_node.ros.interface import DIAGNOSTICS, ROSOUT, NodeInterface, Parameter
 
 _EACH_STEP = f'every control step, {CONTROL_RATE} per simulated second'
 
-CLOCK = Topic('/clock', 'rosgraph_msgs/msg/Clock', _EACH_STEP, 'simulated time')
+CLOCK = Topic(
+    '/clock', 'rosgraph_msgs/msg/Clock', _EACH_STEP,
+    'simulated time; on `<robot>/clock` if another node publishes /clock already',
+)
+OWN_CLOCK = 'clock'
+"""The topic of simulated time of a robot while another node publishes /clock."""
+
 ODOMETRY = Topic(
     'odometry', 'nav_msgs/msg/Odometry', _EACH_STEP,
     "robot's centre [m] and velocity [m/s], x forward, z up; frame `world`",
@@ -97,6 +103,10 @@ class RunOptions(Checked):
     )
     recorders: int = constant(
         0, 0, 10, 'recorders that must have subscribed before step 0 is published'
+    )
+    clock: str = text_value(
+        '', 'topic of simulated time; default: /clock, or <robot>/clock if another node publishes '
+        '/clock already', 'name of a topic',
     )
     start_paused: bool = flag(False, 'start paused: wait for the service `pause` (false) or `step`')
 

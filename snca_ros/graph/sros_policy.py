@@ -4,12 +4,12 @@ import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
 from sim_node.ros.interface import DIAGNOSTICS, ROSOUT
-from sim_node.ros.sim_interface import ACTUATION, PRESENCE, SENSORS, SIM_NODE
+from sim_node.ros.sim_interface import ACTUATION, CLOCK, OWN_CLOCK, PRESENCE, SENSORS, SIM_NODE
 from snca_ros.graph.description import Graph
 from snca_ros.nodes.interfaces import RECORDER_NODE
 
 _POLICY_VERSION = '0.2.0'
-_SIMULATION_TOPICS = tuple(
+_SIMULATION_TOPICS = OWN_CLOCK, *(
     topic.name for topic in SIM_NODE.publishes
     if not topic.of_voxel and topic not in (PRESENCE, DIAGNOSTICS, ROSOUT)
 )
@@ -50,7 +50,8 @@ def access_of_nodes(graph: Graph, messages: str) -> dict[str, Access]:
     cell_messages = tuple(f'{voxel}/{messages}' for voxel in voxels)
     access = {
         SIM_NODE.name: Access(
-            (*_SIMULATION_TOPICS, PRESENCE.name, *sensors), (*actuation, PRESENCE.name),
+            (*_SIMULATION_TOPICS, PRESENCE.name, *sensors),
+            (*actuation, CLOCK.name, PRESENCE.name),
             tuple(service.name for service in SIM_NODE.serves),
         ),
         RECORDER_NODE.name: Access((), (
