@@ -227,7 +227,7 @@ class SimNode(RosNode):
     def health(self) -> tuple[bytes, str]:
         """Return the state for /diagnostics, and which other nodes publish its topics."""
         level, text = self._state()
-        if strangers := self._strangers.text(self._broadcast.publishers):
+        if strangers := self._strangers.text(p.topic_name for p in self._broadcast.publishers):
             return max(level, DiagnosticStatus.WARN), f'{text}; {strangers}'
         return level, text
 

@@ -1,9 +1,11 @@
 """(ROS) Nodes that publish on a robot's topics besides the node that should."""
 
-from collections.abc import Callable, Iterable, Mapping
+import time
+from collections.abc import Callable, Iterable
 
 from rclpy.node import Node
-from rclpy.publisher import Publisher
+
+_LEASE = 30.0  # seconds, more than a killed node stays in the graph
 
 
 def nodes_that_publish(node: Node, topic: str) -> list[str]:
@@ -18,41 +20,45 @@ def nodes_that_publish(node: Node, topic: str) -> list[str]:
 
 
 class Strangers:
-    """Finds nodes that publish on topics which only one node should publish.
+    """Finds topics that several nodes publish, although each should have one publisher.
 
     Args:
-        node: the node that should.
-        warn: called with one line of text for each node that is found.
+        node: asks the graph.
+        warn: called with one line of text for each group of nodes that is found.
+        restarted: whether nodes of the same name may be one that was killed and its successor; they
+            count only when the killed one must have left the graph.
     """
 
-    def __init__(self, node: Node, warn: Callable[[str], object]) -> None:
-        self._node, self._warn = node, warn
-        self._known: set[str] = set()
+    def __init__(self, node: Node, warn: Callable[[str], object], restarted: bool = False) -> None:
+        self._node, self._warn, self._restarted = node, warn, restarted
+        self._since: dict[str, float] = {}  # when a group was first seen, by its names [s]
+        self._warned: set[str] = set()
 
-    def text(self, publishers: Iterable[Publisher]) -> str:
+    def text(self, topics: Iterable[str]) -> str:
         """Return a text for the diagnostics, empty if there are none; warn of new ones.
 
+        A group counts if it is seen in two calls: at its start a node may change its topics.
+
         Args:
-            publishers: those of the node.
+            topics: full names of topics, after remapping.
         """
-        topics: dict[str, list[str]] = {}
-        for publisher in publishers:
-            topic = publisher.topic_name
+        found: dict[str, list[str]] = {}
+        for topic in topics:
             if self._node.count_publishers(topic) > 1:
                 names = nodes_that_publish(self._node, topic)
-                if (own := self._node.get_fully_qualified_name()) in names:
-                    names.remove(own)
-                for name in names:
-                    topics.setdefault(name, []).append(topic)
-        for name in topics.keys() - self._known:
-            self._warn(f'another node publishes on its topics: {shown({name: topics[name]})}')
-        self._known = set(topics)
-        return f'other nodes publish on its topics: {shown(topics)}' if topics else ''
-
-
-def shown(topics: Mapping[str, list[str]]) -> str:
-    """Return names of nodes, each with the first topic that it publishes."""
-    return ', '.join(
-        f'{name} ({names[0]}{f" and {len(names) - 1} more" if len(names) > 1 else ""})'
-        for name, names in sorted(topics.items())
-    )
+                if len(names) > 1:
+                    found.setdefault(' and '.join(names), []).append(topic)
+        now = time.monotonic()
+        known = self._since
+        self._since = {group: known.get(group, now) for group in found}
+        shown = []
+        for group, crowded in found.items():
+            same = len(set(group.split(' and '))) == 1
+            if group not in known or (same and self._restarted and now - known[group] < _LEASE):
+                continue
+            more = f' and {len(crowded) - 1} more topics' if len(crowded) > 1 else ''
+            shown.append(f'{group} publish {crowded[0]}{more}')
+            if group not in self._warned:
+                self._warned.add(group)
+                self._warn(f'more publishers than one: {shown[-1]}')
+        return '; '.join(shown)

@@ -3,7 +3,6 @@
 import multiprocessing
 import os
 import signal
-import sys
 import time
 from multiprocessing.connection import Connection
 
@@ -32,9 +31,8 @@ class Lookout:
 
     def __init__(self, robot: str, enclave: str, reach: str) -> None:
         self._robot = robot
-        kind = 'fork' if sys.platform.startswith('linux') else 'spawn'
-        self._answer, end = multiprocessing.get_context(kind).Pipe(duplex=False)
-        self._process = multiprocessing.get_context(kind).Process(
+        self._answer, end = multiprocessing.Pipe(duplex=False)
+        self._process = multiprocessing.Process(
             target=_look, args=(robot, enclave, reach, end), daemon=True
         )
         self._process.start()

@@ -11,7 +11,7 @@ import rclpy
 from sim_node.ros.topics import stream_qos
 from snca_ros.recording.storage import read_storage
 
-PERIOD = 0.0005  # s between two messages
+PERIOD = 0.002  # s between two messages
 
 
 def message_class(name):
