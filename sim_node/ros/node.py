@@ -12,7 +12,6 @@ from functools import partial
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import JointState
-from std_srvs.srv import SetBool, Trigger
 
 from sim_node.control_time import CONTROL_RATE, START_STEPS
 from sim_node.episode import EpisodeNames
@@ -21,11 +20,13 @@ from sim_node.numerics.jit import warm_up
 from sim_node.ros import topics
 from sim_node.ros.actuation_buffer import Answers
 from sim_node.ros.deadlines import Pace, StepTimes
+from sim_node.ros.declared_parameters import check_unknown_parameters
 from sim_node.ros.delivery import delivery_statistics
 from sim_node.ros.node_base import RosNode, run_nodes
 from sim_node.ros.parameters import options_of, simulation_of
 from sim_node.ros.publishers import Broadcast
-from sim_node.ros.sim_interface import ACTUATION, PAUSE, RESET, SIM_NODE, STEP
+from sim_node.ros.services import create_services
+from sim_node.ros.sim_interface import ACTUATION, SIM_NODE
 from sim_node.ros.start import Start
 from sim_node.ros.strangers import Strangers
 from sim_node.simulation import Diverged
@@ -36,7 +37,13 @@ _STOPPED = 1  # exit code
 
 
 class SimNode(RosNode):
-    """A ROS node that simulates one robot's body in its world."""
+    """A ROS node that simulates one robot's body in its world.
+
+    Attributes:
+        simulation: the body and its world.
+        begun: whether the first episode has begun.
+        paused: whether steps are made only on request.
+    """
 
     def __init__(self) -> None:
         super().__init__(SIM_NODE.name)
@@ -44,16 +51,16 @@ class SimNode(RosNode):
         self._strangers = Strangers(self, self.get_logger().warning)
         self.simulation = simulation_of(self)
         self._options = options_of(self)
-        self.check_unknown_parameters()
+        check_unknown_parameters(self)
         self._voxels = self.simulation.morphology.voxel_names
         warm_up('simulation', lambda: self.simulation.step(np.zeros(len(self._voxels))))
         self._make_topics()
-        self._make_services()
+        create_services(self, self)
         factor = self._options.real_time_factor
         self._real_time = factor > 0.0
         self._answers = Answers(self._voxels, hold=self._real_time)
         self._names = EpisodeNames(self.simulation.solver.physics, self._start.identity)
-        self._begun, self._paused = False, self._options.start_paused
+        self.begun, self.paused = False, self._options.start_paused
         self._requested_steps: int | None = None
         self._waiting_since = time.monotonic()
         self._reported_step = -1
@@ -75,19 +82,19 @@ class SimNode(RosNode):
                 partial(self._on_actuation, i), topics.stream_qos(topics.QUEUE), raw=True,
             )
 
-    def _make_services(self) -> None:
-        self.create_service(Trigger, RESET.name, self._serve_reset)
-        self.create_service(SetBool, PAUSE.name, self._serve_pause)
-        self.create_service(Trigger, STEP.name, self._serve_step)
+    @property
+    def step(self) -> int:
+        """Return the present control step."""
+        return self.simulation.step_count
 
     def _begin_first(self) -> None:
         self._broadcast.settle()
-        self._begin()
+        self.begin()
 
-    def _begin(self) -> None:
+    def begin(self) -> None:
         """Begin an episode: put the robot down, wait for every voxel again, publish step 0."""
         self._episode = self._names.next()
-        self._begun, self._requested_steps = True, None
+        self.begun, self._requested_steps = True, None
         if not self._real_time:
             self._answers.silent.clear()
         self._answers.restart(time.monotonic())
@@ -114,7 +121,7 @@ class SimNode(RosNode):
             episode, sent, a = topics.read_joint_state(
                 self._actuation_wires[i], data, -1.0, 1.0
             )
-            is_current = self._begun and episode == self._episode.tobytes()
+            is_current = self.begun and episode == self._episode.tobytes()
             if is_current and sent > step:
                 raise InvalidInput('stamp', f'step {sent}', f'at most step {step}')
         except InvalidInput as error:
@@ -134,13 +141,13 @@ class SimNode(RosNode):
     def _advance_if_ready(self) -> None:
         """Make the next step in lock-step if all voxels but the silent ones have answered."""
         waiting = self._free_running or self._answers.missing
-        if self._begun and not waiting and not self._halted:
+        if self.begun and not waiting and not self._halted:
             self._make_step()
 
     @property
     def _halted(self) -> bool:
         """Return whether the node has ended, or is paused without a requested step."""
-        return self.exit_code is not None or (self._paused and not self._requested_steps)
+        return self.exit_code is not None or (self.paused and not self._requested_steps)
 
     @property
     def _free_running(self) -> bool:
@@ -159,7 +166,7 @@ class SimNode(RosNode):
         if self.simulation.step_count > START_STEPS:
             self._times.note(time.monotonic())
         self._publish_step()
-        if self._real_time and self.simulation.step_count == START_STEPS and not self._paused:
+        if self._real_time and self.simulation.step_count == START_STEPS and not self.paused:
             self._run_freely()
 
     def _run_freely(self) -> None:
@@ -235,11 +242,11 @@ class SimNode(RosNode):
         step = self.simulation.step_count
         if silent := self._answers.silent:
             return DiagnosticStatus.ERROR, f'silent: {", ".join(sorted(silent))}'
-        if not self._begun:
+        if not self.begun:
             return DiagnosticStatus.OK, 'not begun'
-        if self._paused:
+        if self.paused:
             return DiagnosticStatus.OK, f'paused, step {step}'
-        waiting = self._begun and not self._free_running and self.exit_code is None
+        waiting = self.begun and not self._free_running and self.exit_code is None
         if waiting and time.monotonic() - self._waiting_since > _SLOW:
             missing = ', '.join(self._answers.missing)
             return DiagnosticStatus.WARN, f'step {step} waits for {missing}'
@@ -259,41 +266,23 @@ class SimNode(RosNode):
         }
         return {**self._times.summary(), **missed, **delivery_statistics(deliveries)}
 
-    def _serve_reset(self, request: Trigger.Request, response: Trigger.Response):
-        if not self._begun:
-            response.success, response.message = False, 'still waiting for recorders'
-            return response
-        self._begin()
-        response.success, response.message = True, 'at step 0'
-        return response
-
-    def _serve_pause(self, request: SetBool.Request, response: SetBool.Response):
-        self._paused, self._requested_steps = request.data, None
+    def pause(self, paused: bool) -> None:
+        """Pause, or continue."""
+        self.paused, self._requested_steps = paused, None
         self._waiting_since = time.monotonic()
         self._times.restart()
-        response.success = True
-        response.message = f'{"paused" if request.data else "running"} at step ' + str(
-            self.simulation.step_count
-        )
         self._resume()
-        return response
 
-    def _serve_step(self, request: Trigger.Request, response: Trigger.Response):
-        if not self._paused or not self._begun:
-            response.success = False
-            response.message = 'not paused' if self._begun else 'still waiting for recorders'
-            return response
+    def request_step(self) -> None:
+        """Make one step while paused, as soon as all voxels have answered."""
         self._requested_steps = (self._requested_steps or 0) + 1
-        response.success = True
-        response.message = f'one step from step {self.simulation.step_count}'
         self._resume()
-        return response
 
     def _resume(self) -> None:
         """Make the steps that a service call has made possible."""
         if not self._free_running:
             self._advance_if_ready()
-        elif not self._paused:
+        elif not self.paused:
             self._run_freely()
         elif self._requested_steps:
             self._make_step()

@@ -27,7 +27,7 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from rclpy.timer import Timer
 
-from sim_node.errors import InvalidInput, near_miss
+from sim_node.errors import InvalidInput
 from sim_node.ros import security
 from sim_node.ros.interface import DIAGNOSTICS, DIAGNOSTICS_PERIOD
 
@@ -38,8 +38,6 @@ _STOP_LATENCY = 0.1  # seconds between checks for a signal
 _SPIN_PERIOD = 60.0  # seconds; without a timeout EventsExecutor busy-waits
 _DRAIN_LIMIT = 3.0
 _READERS_LIMIT = 2.0
-
-_ALLOWED_UNDECLARED = ('use_sim_time', 'start_type_description_service')
 
 
 class RosNode(Node):
@@ -157,15 +155,6 @@ class RosNode(Node):
             ParameterUninitializedException,
         ):
             raise InvalidInput(name, given, expected, self.where()) from None
-
-    def check_unknown_parameters(self) -> None:
-        """Raise InvalidInput if a value was given for a parameter that was not declared."""
-        for name, override in self._parameter_overrides.items():
-            ignored = name in _ALLOWED_UNDECLARED or name.startswith('qos_overrides.')
-            if not ignored and not self.has_parameter(name):
-                known = sorted(set(self._parameters) - set(_ALLOWED_UNDECLARED))
-                expected = f'one of {", ".join(known)}' + near_miss(name, known)
-                raise InvalidInput(f'parameter {name}', override.value, expected, self.where())
 
     def where(self) -> str:
         """Return the source of the parameters for errors: parameter files and the node's name."""

@@ -20,8 +20,8 @@ from sim_node.ros.sim_interface import PRESENCE
 from sim_node.ros.strangers import nodes_that_publish
 
 _PERIOD = 0.5  # seconds between two announcements
-_LOOK = 0.5  # seconds within which a new node discovers other simulations
-_ENDING = 3.0  # seconds that another simulation may take to end
+_LOOK = 0.3  # seconds for which a new node looks for other simulations
+_ENDING = 4.0  # seconds that another simulation may take to end, more than _SILENCE
 _SILENCE = 3.0  # seconds without an announcement after which a simulation counts as killed
 _RUNNING = 'running'
 _LAST = QoSProfile(
@@ -93,12 +93,13 @@ class Simulations:
         """Return who the simulation is that goes on instead of the node's own; empty for none.
 
         It is one that has begun, or, of several that start at once, the one with the smallest
-        identity.
+        identity. One that has not been heard yet may have begun.
         """
         for identity in self.others():
             listener = self._listen(identity)
-            first = not self._own or identity < self._own or listener.text.endswith(_RUNNING)
-            if first and not listener.is_silent:
+            starts = listener.text and not listener.text.endswith(_RUNNING)
+            yields = self._own and starts and self._own < identity
+            if not yields and not listener.is_silent:
                 nodes = ', '.join(nodes_that_publish(self._node, self._prefix + identity))
                 process = listener.text.partition(' ')[0]
                 return f'{nodes} ({process})' if process else nodes
@@ -134,7 +135,8 @@ class Announcement:
         self._state = 'starting'
         self._publisher = node.create_publisher(String, _topic(self.identity), _LAST)
         self._others = Simulations(node, self.identity)
-        self._created = self._alone_since = time.monotonic()
+        self._looks_since: float | None = None
+        self._alone_since = 0.0
         node.create_timer(_PERIOD, self._publish)
         self._publish()
 
@@ -145,8 +147,10 @@ class Announcement:
             InvalidInput: another simulation has precedence, and does not end.
         """
         now, other = time.monotonic(), self._others.with_precedence()
+        if self._looks_since is None:  # messages arrive from now on
+            self._looks_since = self._alone_since = now
         if not other:
-            self._alone_since, self.alone = now, now - self._created > _LOOK
+            self._alone_since, self.alone = now, now - self._looks_since > _LOOK
         elif now - self._alone_since > _ENDING:
             namespace = self._publisher.topic_name.rpartition('/')[0] or '/'
             raise InvalidInput(

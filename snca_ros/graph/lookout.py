@@ -14,7 +14,7 @@ from sim_node.ros.simulations import Simulations
 from snca_ros.graph.environment import graph_environment
 
 _LOOK = 1.0  # seconds within which a new participant discovers a running simulation
-_ENDING = 3.0  # seconds that a simulation may take to end
+_ENDING = 4.0  # seconds that a simulation may take to end
 _PERIOD = 0.05  # seconds between two looks
 
 

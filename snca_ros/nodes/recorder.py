@@ -27,7 +27,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
-from sim_node.ros.declared_parameters import declare
+from sim_node.ros.declared_parameters import check_unknown_parameters, declare
 from sim_node.ros.node_base import RosNode, run_nodes
 from sim_node.ros.sim_interface import CLOCK, MARKERS
 from sim_node.ros.strangers import Strangers
@@ -59,7 +59,7 @@ class RecorderNode(RosNode):
         super().__init__(RECORDER_NODE.name)
         new = RecorderOptions(f'bags/{datetime.now():%Y%m%d-%H%M%S}')
         options = declare(self, RECORDER, new)
-        self.check_unknown_parameters()
+        check_unknown_parameters(self)
         self._definitions = MessageDefinitions()
         self._strangers = Strangers(self, self.get_logger().warning, restarted=True)
         self._topics: set[str] = set()

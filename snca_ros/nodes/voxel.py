@@ -17,7 +17,7 @@ from sensor_msgs.msg import Image, JointState
 from sim_node.control_time import stamp_of_step
 from sim_node.errors import InvalidInput
 from sim_node.ros import topics
-from sim_node.ros.declared_parameters import declare
+from sim_node.ros.declared_parameters import check_unknown_parameters, declare
 from sim_node.ros.delivery import delivery_statistics
 from sim_node.ros.node_base import RosNode, run_nodes
 from sim_node.ros.sim_interface import ACTUATION, SENSORS
@@ -44,7 +44,7 @@ class VoxelNode(RosNode):
         options = declare(self, interfaces.VOXEL, VoxelOptions(voxel=name))
         names = declare(self, interfaces.NEIGHBORS, NeighborNames()).by_direction
         faults = declare(self, interfaces.FAULTS, NO_FAULTS)
-        self.check_unknown_parameters()
+        check_unknown_parameters(self)
         self._voxel, path = options.voxel, options.controller
         self._simulations, self._simulation_seen = Simulations(self), False
         if options.one_walk:
