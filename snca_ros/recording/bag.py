@@ -87,6 +87,8 @@ def robot_of(topics: dict[str, Topic]) -> str:
         name[1 : -len(end)] for name, topic in topics.items()
         if name.endswith(end) and topic.type == kind and topic.messages
     ]
+    # Other nodes may publish their own odometry below the robot's namespace.
+    found = [name for name in found if not any(name.startswith(f'{other}/') for other in found)]
     if len(found) != 1:
         shown = f'odometry of {", ".join(found) or "no robot"} in {len(topics)} topics'
         raise InvalidInput('robot', shown, f'one topic /<robot>/odometry of type {kind}')
