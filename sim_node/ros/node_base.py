@@ -26,7 +26,7 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from rclpy.timer import Timer
 
-from sim_node.errors import InvalidInput, near_miss
+from sim_node.errors import InvalidInput
 from sim_node.ros import security
 from sim_node.ros.deadlines import ListeningTime
 from sim_node.ros.interface import DIAGNOSTICS, DIAGNOSTICS_PERIOD
@@ -34,12 +34,11 @@ from sim_node.ros.stop_signals import StopRequest
 
 BAD_INPUT = 2
 
+_FAILED = 1
 _STOP_LATENCY = 0.1  # seconds between checks for a signal
 _SPIN_PERIOD = 60.0  # seconds; without a timeout EventsExecutor busy-waits
 _DRAIN_LIMIT = 3.0
 _READERS_LIMIT = 2.0
-
-_ALLOWED_UNDECLARED = ('use_sim_time', 'start_type_description_service')
 
 
 class RosNode(Node):
@@ -92,6 +91,11 @@ class RosNode(Node):
     def exit_code(self, code: int) -> None:
         self.ended.set_result(code)
 
+    def fail(self, reason: str) -> None:
+        """Log an error, and end the process with exit code 1."""
+        self.get_logger().error(reason)
+        self.exit_code = _FAILED
+
     def create_timer(
         self,
         timer_period_sec: float,
@@ -101,8 +105,8 @@ class RosNode(Node):
         autostart: bool = True,
     ) -> Timer:
         """Create a timer on wall time, which continues while simulated time stands still."""
-        clock = clock or Clock(clock_type=ClockType.STEADY_TIME)
-        return super().create_timer(timer_period_sec, callback, callback_group, clock, autostart)
+        steady = clock or Clock(clock_type=ClockType.STEADY_TIME)
+        return super().create_timer(timer_period_sec, callback, callback_group, steady, autostart)
 
     def parameter(
         self,
@@ -154,15 +158,6 @@ class RosNode(Node):
             ParameterUninitializedException,
         ):
             raise InvalidInput(name, given, expected, self.where()) from None
-
-    def check_unknown_parameters(self) -> None:
-        """Raise InvalidInput if a value was given for a parameter that was not declared."""
-        for name, override in self._parameter_overrides.items():
-            ignored = name in _ALLOWED_UNDECLARED or name.startswith('qos_overrides.')
-            if not ignored and not self.has_parameter(name):
-                known = sorted(set(self._parameters) - set(_ALLOWED_UNDECLARED))
-                expected = f'one of {", ".join(known)}' + near_miss(name, known)
-                raise InvalidInput(f'parameter {name}', override.value, expected, self.where())
 
     def where(self) -> str:
         """Return the source of the parameters for errors: parameter files and the node's name."""

@@ -25,6 +25,7 @@ from snca_ros.faults import FAULTS_HELP, Faults, parse_faults
 from snca_ros.files import FIGURE
 from snca_ros.graph.description import Graph, WalkOptions, describe_graph, robot_name
 from snca_ros.graph.live_view import LiveView
+from snca_ros.graph.lookout import Lookout
 from snca_ros.graph.processes import RunningGraph
 from snca_ros.graph.supervisor import supervise_walk
 from snca_ros.nodes.interfaces import ViewOptions
@@ -92,11 +93,13 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         simulation={} if args.view is None else {'recorders': 2 - args.no_bag},
     )
     graph = describe_graph(path, trained, options)
+    lookout = Lookout(robot, graph.enclave('walk'), 'network' if args.only else 'loopback')
     # This also compiles the cells before the processes need them.
     with exiting_at_interrupt():
         offline = _offline_centers(
             trained, args.terrain or trained.terrain, engine, args.duration, faults
         )
+        lookout.check()
     open_view = None
     if args.view is not None:
         open_view = partial(LiveView, args.view, trained, args.terrain or trained.terrain)

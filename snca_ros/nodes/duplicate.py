@@ -39,7 +39,7 @@ class DuplicateDetector:
 
     def is_active(self, episode: bytes) -> bool:
         """Return whether a duplicate publishes in this episode, or exists and may still do so."""
-        exists = self._node.count_publishers(self._topic) > 1
+        exists = self._node.count_publishers(self._subscription.topic_name) > 1
         waiting = self._node.listening.now() - self._since < _LISTENING_TIME
         return exists and (self._episode == episode or waiting)
 

@@ -76,6 +76,10 @@ BAD = {
     'wrong type': ('sim_node', ['-p', 'duration:=long'], ['duration', "'long'", 'float']),
     'out of range': ('sim_node', ['-p', 'material.friction:=-1.0'], ['material.friction', '-1.0']),
     'unknown parameter': ('sim_node', ['-p', 'durration:=1.0'], ['durration', "'duration'"]),
+    'QoS override': (
+        'recorder_node', ['-p', 'qos_overrides./robot/odometry.subscription.depth:=5'],
+        ['qos_overrides./robot/odometry', 'QoS of topics is fixed'],
+    ),
     'unknown policy': ('sim_node', ['-p', 'on_silence:=wait'], ['on_silence', 'go_on']),
     'unknown physics': (
         'sim_node', ['-p', 'solver.physics:=frist'], ['solver.physics', "'frist'", "'first'"]
