@@ -14,7 +14,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
-from sim_node.control_time import CONTROL_RATE, START_STEPS
+from sim_node.control_time import CONTROL_RATE, START_STEPS, steps_in
 from sim_node.episode import new_episode
 from sim_node.errors import InvalidInput
 from sim_node.numerics.jit import warm_up
@@ -45,6 +45,8 @@ class SimNode(RosNode):
         warm_up('simulation', lambda: self.simulation.step(np.zeros(len(self._voxels))))
         self._make_topics()
         self._make_services()
+        duration = self._options.duration
+        self._last_step = steps_in(duration) if duration else None
         factor = self._options.real_time_factor
         self._real_time = factor > 0.0
         self._answers = Answers(self._voxels, hold=self._real_time)
@@ -105,8 +107,7 @@ class SimNode(RosNode):
         self._answers.open_step()
         self._waiting_since = time.monotonic()
         self._broadcast.publish_state()
-        duration = self._options.duration
-        if duration and self.simulation.step_count >= duration * CONTROL_RATE:
+        if self.simulation.step_count == self._last_step:
             self._finish()
         else:
             self._broadcast.publish_sensors(self._readings, self._episode)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sim_node.control_time import CONTROL_RATE
+from sim_node.control_time import CONTROL_RATE, steps_in
 from sim_node.engine import DEFAULT_ENGINE, ENGINES
 from sim_node.errors import InvalidInput
 from sim_node.model.constants import check_declared, choice, constant
@@ -129,7 +129,7 @@ class AssessmentOptions:
 
     def __post_init__(self) -> None:
         check_declared(self)
-        if self.duration <= TRANSIENT:
+        if steps_in(self.duration) <= steps_in(TRANSIENT):
             expected = f'a time above {TRANSIENT:g} s, since the first {TRANSIENT:g} s do not count'
             raise InvalidInput('duration', self.duration, expected)
 

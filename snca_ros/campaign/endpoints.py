@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sim_node.control_time import CONTROL_RATE
+from sim_node.control_time import steps_in
 from sim_node.errors import InvalidInput
 from sim_node.model.terrain import DEFAULT_TERRAIN_SET, TERRAIN_SETS, UNSEEN_KINDS
 from sim_node.simulation import Diverged
@@ -170,7 +170,7 @@ def _actuation(trial: Trial) -> np.ndarray:
     simulation, controller = trial.simulation(), trial.trained.controller()
     readings, actuation = simulation.reset(), []
     try:
-        for _ in range(round(trial.duration * CONTROL_RATE)):
+        for _ in range(steps_in(trial.duration)):
             actuation.append(controller.step(readings))
             readings = simulation.step(actuation[-1])
     except Diverged:

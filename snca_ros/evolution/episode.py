@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_node.control_time import CONTROL_RATE
+from sim_node.control_time import steps_in
 from sim_node.engine import Engine
 from sim_node.errors import check_name
 from sim_node.model.sensors import center_of_mass
@@ -94,7 +94,7 @@ def run_episode(
     for name in records:
         check_name('records', name, RECORDS)
     run = EPISODE_RUNNERS.get(type(simulation.backend), run_step_by_step)
-    return run(simulation, controller, round(duration * CONTROL_RATE), records)
+    return run(simulation, controller, steps_in(duration), records)
 
 
 def run_step_by_step(

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sim_node.batched.engine import Robots, advance_group
-from sim_node.control_time import CONTROL_RATE
+from sim_node.control_time import steps_in
 from sim_node.model.morphology import Morphology, parse_morphology
 from sim_node.model.terrain import parse_terrain
 from sim_node.numerics.jit import compiled
@@ -73,7 +73,7 @@ def run_episodes(
         One episode per controller, which does not depend, to the bit, on the other controllers.
     """
     width = robots.sensing.reading_lanes.shape[2]
-    n_steps = round(duration * CONTROL_RATE)
+    n_steps = steps_in(duration)
     cells = make_cells(architecture, morphology, candidates, width)
     centers = np.empty((n_steps + 1, 2, width))
     done = np.zeros(width, dtype=np.int64)

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from sim_node.control_time import CONTROL_RATE
+from sim_node.control_time import CONTROL_RATE, steps_in
 from sim_node.model.sensors import DEFAULT_SENSORS, SENSORS
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.evolution.episode import TRANSIENT, mean_velocity
@@ -72,7 +72,7 @@ def walked_velocity(x: np.ndarray, transient: float = TRANSIENT) -> float:
         return math.nan
     first, last = _ends(x)
     walked = bridge_gaps(x[first : last + 1])
-    return mean_velocity(walked, max(0.0, transient - first / CONTROL_RATE))
+    return mean_velocity(walked, max(0, steps_in(transient) - first) / CONTROL_RATE)
 
 
 def _ends(x: np.ndarray) -> tuple[int, int]:
@@ -106,7 +106,7 @@ def steady_part(actuation: np.ndarray, transient: float = TRANSIENT) -> np.ndarr
     """
     known = np.flatnonzero(np.isfinite(actuation).any(axis=1))
     actuation = bridge_gaps(actuation[: known[-1] + 1 if len(known) else 1])
-    first = round(transient * CONTROL_RATE)
+    first = steps_in(transient)
     return actuation[first if len(actuation) > first + 1 else 0 :]
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sim_node.control_time import CONTROL_RATE
+from sim_node.control_time import CONTROL_RATE, steps_in
 from sim_node.drawing import area_colors
 from sim_node.errors import InvalidInput
 from sim_node.model.terrain import Terrain
@@ -48,7 +48,9 @@ def film_offline(trained: TrainedController, terrain: str, moments: np.ndarray) 
         InvalidInput: the terrain is unknown, or the physics diverges with this controller.
     """
     # One step more than is shown: the readings of a step are those at its beginning.
-    recording, _ = record_offline(trained, Path(), moments[-1] + 1 / CONTROL_RATE, terrain)
+    recording, _ = record_offline(
+        trained, Path(), (steps_in(moments[-1]) + 1) / CONTROL_RATE, terrain
+    )
     return film_recording(recording, moments)
 
 
@@ -84,7 +86,7 @@ def film_recording(recording: Recording, moments: np.ndarray) -> Film:
     poses = recording.poses
     if poses is None:
         raise InvalidInput('markers', None, f'markers on /{recording.robot}/markers')
-    wanted = np.round(moments * CONTROL_RATE).astype(int)
+    wanted = np.array([steps_in(moment) for moment in moments])
     wanted = wanted[wanted < recording.n_steps]
     if not len(wanted):
         end = (recording.n_steps - 1) / CONTROL_RATE

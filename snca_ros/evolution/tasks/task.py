@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sim_node.control_time import CONTROL_RATE
+from sim_node.control_time import CONTROL_RATE, steps_in
 from sim_node.errors import InvalidInput
 
 TRANSIENT = 5.0
@@ -42,7 +42,7 @@ class Episode:
 
 def mean_velocity(x: np.ndarray, transient: float = TRANSIENT) -> float:
     """Return the mean velocity [m/s] of positions `x` [m], one per control step from step 0."""
-    first = round(transient * CONTROL_RATE)
+    first = steps_in(transient)
     if len(x) <= first + 1:
         first = 0
     if len(x) < 2:
