@@ -100,6 +100,7 @@ class SimNode(RosNode):
         self._tick_timer.cancel()
         self._times.restart()
         self._readings = self.simulation.reset()
+        self._n_walls = 0
         self._publish_step()
 
     def _publish_step(self) -> None:
@@ -162,11 +163,18 @@ class SimNode(RosNode):
             self.exit_code = _FAILED
             return
         self.count('steps')
+        self._report_walls()
         if self.simulation.step_count > START_STEPS:
             self._times.note(time.monotonic())
         self._publish_step()
         if self._real_time and self.simulation.step_count == START_STEPS and not self._paused:
             self._run_freely()
+
+    def _report_walls(self) -> None:
+        """Log each wall once, when the robot meets it."""
+        for text in self.simulation.walls.describe()[self._n_walls :]:
+            self.get_logger().warning(f'the robot {text}')
+            self._n_walls += 1
 
     def _run_freely(self) -> None:
         """Start the deadlines of real time, at the beginning or after a pause."""

@@ -95,7 +95,7 @@ def record_episode(
     names = simulation.morphology.voxel_names
     return RecordedEpisode(
         centers, diverged, name or simulation.morphology.name, names,
-        {key: arrays.get(key) for key in record}, simulation.sensors,
+        {key: arrays.get(key) for key in record}, simulation.sensors, walls=simulation.walls,
     )
 
 

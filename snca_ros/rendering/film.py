@@ -9,6 +9,7 @@ from sim_node.control_time import CONTROL_RATE, steps_in
 from sim_node.drawing import area_colors
 from sim_node.errors import InvalidInput
 from sim_node.model.terrain import Terrain
+from sim_node.model.walls import Walls
 from snca_ros.controller_file import TrainedController
 from snca_ros.recording.bag import Recording, read_bag
 from snca_ros.recording.gait import area_ratios, bridge_gaps
@@ -27,6 +28,7 @@ class Film:
         corners: (n_frames, n_voxels, 4, 2) outer corners of the voxels [m].
         colors: (n_frames, n_voxels, 4) RGBA in [0, 1], from the area that each voxel senses.
         terrain: the ground.
+        walls: walls that the robot met in the whole walk.
     """
 
     times: np.ndarray
@@ -34,6 +36,7 @@ class Film:
     corners: np.ndarray
     colors: np.ndarray
     terrain: Terrain
+    walls: Walls
 
 
 def film_offline(trained: TrainedController, terrain: str, moments: np.ndarray) -> Film:
@@ -99,5 +102,5 @@ def film_recording(recording: Recording, moments: np.ndarray) -> Film:
     colors = area_colors(ratios if 'area' in recording.sensors else np.ones(ratios.shape))
     return Film(
         wanted / CONTROL_RATE, bridge_gaps(recording.centers)[steps], corners, colors,
-        Terrain('recorded', *poses.ground.T),
+        Terrain('recorded', *poses.ground.T), recording.walls,
     )
