@@ -2,7 +2,6 @@
 
 import os
 import platform
-import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -30,6 +29,7 @@ from rclpy.timer import Timer
 from sim_node.errors import InvalidInput, near_miss
 from sim_node.ros import security
 from sim_node.ros.interface import DIAGNOSTICS, DIAGNOSTICS_PERIOD
+from sim_node.ros.stop_signals import StopRequest
 
 BAD_INPUT = 2
 
@@ -225,18 +225,6 @@ def new_executor() -> Executor:
     return EventsExecutor()
 
 
-class _Stop:
-    """Records SIGINT and SIGTERM, so that nodes can end while their context is still valid."""
-
-    def __init__(self) -> None:
-        self.requested = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._note)
-
-    def _note(self, number: int, frame: object) -> None:
-        self.requested = True
-
-
 def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> int:
     """Spin nodes until one of them ends, or until Ctrl-C or SIGTERM; return the exit code.
 
@@ -244,7 +232,7 @@ def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> i
         make_nodes: makes the nodes; may raise InvalidInput.
         argv: command line after the program name, with --ros-args.
     """
-    stop = _Stop()
+    stop = StopRequest()
     nodes: Sequence[RosNode] = ()
     secured = False
     try:

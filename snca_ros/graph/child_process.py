@@ -23,4 +23,5 @@ def end_with_parent() -> None:
 
 def name_process(name: str) -> None:
     """Set the name of this process in `ps` and `top`, which show 15 characters of it."""
-    ctypes.CDLL(None).prctl(_PR_SET_NAME, name.encode())
+    if sys.platform.startswith('linux'):
+        ctypes.CDLL(None).prctl(_PR_SET_NAME, name.encode())
