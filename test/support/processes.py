@@ -7,9 +7,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from support.limits import LIMIT
+
 SERVER = 'fork_server'  # name of the parent of a walk's nodes
 TICK = threading.Event()
-LIMIT = 300.0  # s; only a hang reaches it
 
 
 def wait_until(
@@ -77,7 +78,7 @@ def wait_until_gone(processes: dict[int, str]) -> None:
         return [pid for pid, started in processes.items() if is_alive(pid, started)]
 
     try:
-        wait_until(lambda: not alive(), f'the end of {sorted(processes)}', limit=60.0)
+        wait_until(lambda: not alive(), f'the end of {sorted(processes)}', limit=LIMIT)
     finally:
         for pid in alive():
             os.kill(pid, signal.SIGKILL)

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from support.processes import LIMIT, wait_until
+from support.limits import LIMIT
+from support.processes import wait_until
 from support.tiny_campaign import (
     TINY,
     contents,

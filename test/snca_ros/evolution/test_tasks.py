@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 from support.evolve import ROOT, assert_same_run
-from support.processes import LIMIT
+from support.limits import LIMIT
 
 import snca_ros as snca
 from sim_node.batched.engine import Robots
