@@ -16,16 +16,19 @@ from snca_ros.recording.bag import read_bag
 from snca_ros.recording.offline import record_offline
 
 
-@pytest.mark.parametrize(('physics', 'faults'), [
-    ('reference', ''), ('first', 'loss=0.5,death=0.7@0.5-1,broken_actuators=random:0.4@1'),
+@pytest.mark.parametrize(('seconds', 'n', 'physics', 'faults'), [
+    (4.15, 250, 'reference', ''),  # 4.15 * 60 > 249 in floating point
+    (1.5, 91, 'first', 'loss=0.5,death=0.7@0.5-1,broken_actuators=random:0.4@1'),
 ])
-def test_walk_equals_its_offline_twin(start, make_controller, tmp_path, physics, faults):
+def test_walk_equals_its_offline_twin(
+    start, make_controller, tmp_path, seconds, n, physics, faults
+):
     path = make_controller('11-10', solver=Solver(physics=physics))
-    child = start('walk', path, '--duration', 1.5, '--bag', 'bag', '--faults', faults,
+    child = start('walk', path, '--duration', seconds, '--bag', 'bag', '--faults', faults,
                   real=True)
     output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode == 0, output
-    assert '91 positions of the centre, bit for bit the same' in output
+    assert f'{n} positions of the centre, bit for bit the same' in output
     assert 'Traceback' not in output
     assert f'physics    {physics}\n' in output
     assert 'was evolved in' not in output
@@ -33,7 +36,7 @@ def test_walk_equals_its_offline_twin(start, make_controller, tmp_path, physics,
         p.name for p in (tmp_path / 'bag').iterdir()
     }
     trained = load_controller(tmp_path / '11-10-U-nD-snn-h-0.npz')
-    twin, _ = record_offline(trained, tmp_path, 1.5, faults=parse_faults(faults))
+    twin, _ = record_offline(trained, tmp_path, seconds, faults=parse_faults(faults))
     poses = read_bag(tmp_path / 'bag').poses
     np.testing.assert_array_equal(poses.corners, twin.poses.corners[poses.steps])
     np.testing.assert_array_equal(poses.ground, twin.poses.ground)
