@@ -17,10 +17,12 @@ def wait_until(
     condition: Callable[[], object], what: str = 'a condition', limit: float = LIMIT
 ) -> object:
     """Poll a condition until it is true; return its value."""
-    end = time.monotonic() + limit
+    begin = now = time.monotonic()
     while not (found := condition()):
-        assert time.monotonic() < end, f'waited in vain for {what}'
-        TICK.wait(0.02)
+        asked, now = now, time.monotonic()
+        assert now < begin + limit, f'waited in vain for {what}'
+        TICK.wait(max(0.02, 3.0 * (now - asked)))  # leaves the machine to those it waits for
+        now = time.monotonic()
     return found
 
 
