@@ -58,7 +58,7 @@ ROOMS = {
         ('cell', 'simulation', 'tasks'),
         'All cells of a robot, the files that hold them, and what can go wrong with them.',
     ),
-    'tasks': Room(('snca_ros.evolution.tasks.*',), ('errors',)),
+    'tasks': Room(('snca_ros.evolution.tasks.*',), ('model',)),
     'cell': Room(('snca_ros.cell.*',), ('files', 'model')),
     'files': Room(
         ('snca_ros.files', 'snca_ros.figures', 'snca_ros.progress', 'snca_ros.command_line'),

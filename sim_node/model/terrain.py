@@ -48,6 +48,11 @@ class Terrain:
         return float(self.x[1])
 
     @property
+    def feet_of_walls(self) -> np.ndarray:
+        """Return the x [m] between which the ground is free of walls, (2,), see `walls`."""
+        return self.x[[1, -2]]
+
+    @property
     def polygons(self) -> np.ndarray:
         """Return the solid ground as one polygon per piece of the profile, (n_pieces, 4, 2) [m].
 

@@ -13,7 +13,7 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import JointState
 
-from sim_node.control_time import CONTROL_RATE, START_STEPS
+from sim_node.control_time import CONTROL_RATE, START_STEPS, steps_in
 from sim_node.episode import EpisodeNames
 from sim_node.errors import InvalidInput
 from sim_node.numerics.jit import warm_up
@@ -57,6 +57,8 @@ class SimNode(RosNode):
         warm_up('simulation', lambda: self.simulation.step(np.zeros(len(self._voxels))))
         self._make_topics()
         create_services(self, self)
+        duration = self._options.duration
+        self._last_step = steps_in(duration) if duration else None
         factor = self._options.real_time_factor
         self._real_time = factor > 0.0
         self._answers = Answers(self._voxels, hold=self._real_time)
@@ -102,6 +104,7 @@ class SimNode(RosNode):
         self._tick_timer.cancel()
         self._times.restart()
         self._readings = self.simulation.reset()
+        self._n_walls = 0
         self._publish_step()
 
     def _publish_step(self) -> None:
@@ -109,8 +112,7 @@ class SimNode(RosNode):
         self._answers.open_step()
         self._waiting_since = self.listening.now()
         self._broadcast.publish_state()
-        duration = self._options.duration
-        if duration and self.simulation.step_count >= duration * CONTROL_RATE:
+        if self.simulation.step_count == self._last_step:
             self._finish()
         else:
             self._broadcast.publish_sensors(self._readings, self._episode)
@@ -164,11 +166,18 @@ class SimNode(RosNode):
             self.fail(f'the physics diverged: {error}')
             return
         self.count('steps')
+        self._report_walls()
         if self.simulation.step_count > START_STEPS:
             self._times.note(time.monotonic())
         self._publish_step()
         if self._real_time and self.simulation.step_count == START_STEPS and not self.paused:
             self._run_freely()
+
+    def _report_walls(self) -> None:
+        """Log each wall once, when the robot meets it."""
+        for text in self.simulation.walls.describe()[self._n_walls :]:
+            self.get_logger().warning(f'the robot {text}')
+            self._n_walls += 1
 
     def _run_freely(self) -> None:
         """Start the deadlines of real time, at the beginning or after a pause."""

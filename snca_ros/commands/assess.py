@@ -29,6 +29,8 @@ from snca_ros.assessment.trials import (
     means_of_kinds,
     run_trials,
     table,
+    wall_cells,
+    wall_lines,
     write_csv,
 )
 from snca_ros.bundled import find_controller
@@ -98,19 +100,25 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         for controller, terrain, start in product(trained, terrains, range(1 + args.starts))
     ]
     with opened as workers:
-        found = run_trials(workers, trials)
+        found, times = run_trials(workers, trials)
     episodes = found.reshape(len(trained), len(terrains), 1 + args.starts)
     scores = np.stack([means_of_kinds(kinds, of_one) for of_one in episodes])
     names = [*kinds, MEAN]
     print(f'{task.label} of episodes of {args.duration:g} s in the {args.engine} engine')
     for name, of_one in zip(args.controllers, scores, strict=True):
         print('\n'.join(['', *table(name, names, of_one, task.quantity)]), flush=True)
+    for line in wall_lines(times, task):
+        print(line)
     if args.csv:
         means = [i for i, name in enumerate(names) if name not in terrains]
         rows = [*terrains, *(names[i] for i in means)]
         each = product(args.controllers, rows, [args.engine], range(1 + args.starts))
         written = np.concatenate([episodes, scores[:, means]], axis=1).ravel().tolist()
-        table_rows = [(*e, v) for e, v in zip(each, written, strict=True)]
+        met = np.full((*scores[:, :1].shape[:1], len(rows), 1 + args.starts, 2), np.nan)
+        met[:, : len(terrains)] = times.reshape(*episodes.shape, 2)
+        table_rows = [
+            (*e, *walls, v) for e, walls, v in zip(each, wall_cells(met), written, strict=True)
+        ]
         write_csv(args.csv, (*COLUMNS, task.quantity), table_rows)
     if args.figure:
         from snca_ros.assessment.figures import draw_scores
@@ -154,16 +162,18 @@ def _assess_faults(
     with opened as workers:
         for sweep in sweeps:
             trials = sweep_trials(trained, sweep, terrains, args.engine, n_starts, args.duration)
-            found = run_trials(workers, trials)
+            found, times = run_trials(workers, trials)
             shape = len(trained), len(sweep.values), n_starts, len(terrains)
             scores.append(found.reshape(shape).mean(axis=3))
             lines = fault_sweep.table(args.controllers, sweep, scores[-1])
-            print('\n'.join(lines), end='\n\n', flush=True)
+            print('\n'.join([*lines, *wall_lines(times, task)]), end='\n\n', flush=True)
             points = product(args.controllers, sweep.values)
             at = [point for point in points for _ in range(n_starts * len(terrains))]
             rows += [
-                (name, sweep.text, x, trial.terrain, trial.engine, trial.start, v)
-                for (name, x), trial, v in zip(at, trials, found.tolist(), strict=True)
+                (name, sweep.text, x, trial.terrain, trial.engine, trial.start, *walls, v)
+                for (name, x), trial, walls, v in zip(
+                    at, trials, wall_cells(times), found.tolist(), strict=True
+                )
             ]
     if args.csv:
         write_csv(args.csv, (*fault_sweep.COLUMNS, task.quantity), rows)

@@ -8,6 +8,7 @@ from concurrent.futures import BrokenExecutor
 from pathlib import Path
 
 from sim_node.errors import InvalidInput
+from snca_ros.campaign.endpoints import Outcome
 from snca_ros.campaign.results import Results
 from snca_ros.campaign.scheduler import Campaign, Listener
 from snca_ros.campaign.specification import read_campaign
@@ -45,13 +46,15 @@ class _Printer(Listener):
     def progress(self, campaign: Campaign) -> None:
         self._line.show(campaign.describe())
 
-    def finished(self, row: dict[str, str]) -> None:
+    def finished(self, outcome: Outcome) -> None:
+        row, n = outcome.row, outcome.n_at_wall
+        wall = f'; {n} episodes met the wall at the end of the ground' if n else ''
         self._line.clear()
         print(
             f'{row["run"]}: v_x {float(row["v_x_end"]):.3f} m/s, pushed mean '
             f'{float(row["v_x_pushed_mean"]):.3f} ± {float(row["v_x_pushed_std"]):.3f}, '
             f'unseen terrains {float(row["v_x_unseen"]):.3f}, robust '
-            f'{float(row["v_x_robust_mean"]):.3f} ± {float(row["v_x_robust_std"]):.3f}',
+            f'{float(row["v_x_robust_mean"]):.3f} ± {float(row["v_x_robust_std"]):.3f}{wall}',
             flush=True,
         )
 

@@ -159,6 +159,8 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         folder.close()
     _, chosen_by, found = progress.chosen(folder.config)
     scores = ', '.join(f'{task.in_unit(v, 4)} in {engine}' for engine, v in found.items())
+    if progress.wall_time is not None:
+        print(f'the best robot met the wall at the end of the ground at {progress.wall_time:.2f} s')
     print(
         f'{folder.path / "best.npz"}: {task.quantity} {scores}, one episode each '
         f'(chosen by {chosen_by}), {progress.evaluations} evaluations'

@@ -93,6 +93,9 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         shown = f'{args.out}: {error.strerror or error}'
         raise InvalidInput('OUT', shown, 'a file that can be written') from None
     walked = [f'{film.centers[len(scene) - 1, 0] - film.centers[0, 0]:.1f} m' for film in films]
+    for walk, film in zip(args.walks, films, strict=True):
+        for text in film.walls.describe():
+            print(f'{walk} {text}')
     print(f'{args.out}: {len(scene)} pictures, {" and ".join(walked)}, '
           f'{args.out.stat().st_size / 1e6:.2f} MB')
     return 0

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sim_node.control_time import CONTROL_RATE
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import parse_morphology
 from sim_node.ros import security
@@ -77,8 +78,8 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     security.check_middleware()
     path = find_controller(args.controller)
     trained = load_controller(path)
-    if args.duration == 0.0:
-        raise InvalidInput('--duration', args.duration, 'a time above 0 [s]')
+    if args.duration < 1 / CONTROL_RATE:
+        raise InvalidInput('--duration', args.duration, 'at least one control step, 1/60 s')
     if args.view is not None:
         check_port(args.view)
         args.real_time = args.real_time or 1.0

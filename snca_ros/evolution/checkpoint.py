@@ -29,7 +29,7 @@ def _unwritable(path: Path, error: OSError) -> InvalidInput:
     return InvalidInput('run', reason, 'a folder that can be written', str(path))
 
 
-_OPTIONAL = 'reassessed', 'other_engine', 'population', 'population_fitness'
+_OPTIONAL = 'reassessed', 'other_engine', 'population', 'population_fitness', 'wall_time'
 """Entries that are missing in checkpoints of some versions; they may be empty."""
 
 
@@ -55,6 +55,8 @@ class Progress:
             generation, if the budget has cut the last generation short; else None.
         score_other: score of the best individual in the other engine (see `RunConfig`); NaN if that
             engine cannot run it, None before the end of the run.
+        wall_time: time [s] at which the best individual met the wall at the end of the ground in
+            the episode of its score; None if it did not.
         by_old_rules: whether an earlier version finished the run: it stored no `whole` population,
             and in batched runs it chose among the best quarter by `reassessed`.
         reassessed: v_x [m/s] of that quarter in the pymunk engine, in the order of their fitness;
@@ -65,6 +67,7 @@ class Progress:
     history: list[tuple[float, ...]] = field(default_factory=list)
     whole: tuple[np.ndarray, np.ndarray] | None = None
     score_other: float | None = None
+    wall_time: float | None = None
     by_old_rules: bool = False
     reassessed: np.ndarray = field(default_factory=lambda: np.empty(0))
 
@@ -174,13 +177,15 @@ class RunFolder:
 
     def _progress(self, arrays: dict[str, np.ndarray], old: bool) -> Progress:
         """Return the progress from the checked arrays of a checkpoint."""
-        rows, reassessed, other, *whole = (arrays.pop(name) for name in (
-            'history', 'reassessed', 'other_engine', 'population', 'population_fitness'
+        rows, reassessed, other, wall, *whole = (arrays.pop(name) for name in (
+            'history', 'reassessed', 'other_engine', 'wall_time', 'population',
+            'population_fitness',
         ))
         progress = Progress(
             arrays, [tuple(row) for row in rows.tolist()],
             whole=(whole[0], whole[1]) if len(whole[0]) else None,
             score_other=float(other[0]) if len(other) else None,
+            wall_time=float(wall[0]) if len(wall) else None,
             reassessed=reassessed,
         )
         return replace(progress, by_old_rules=old and self._spent(progress))
@@ -202,6 +207,7 @@ class RunFolder:
             'generation': (),
             'reassessed': (min(len(arrays['reassessed']), config.n_elite),),
             'other_engine': (min(len(arrays['other_engine']), 1),),
+            'wall_time': (min(len(arrays['wall_time']), 1),),
             'population': (whole, config.n_parameters),
             'population_fitness': (whole,),
         }
@@ -236,6 +242,8 @@ class RunFolder:
             'population': whole[0], 'population_fitness': whole[1],
             'other_engine': np.array([] if other is None else [other]),
         }
+        if progress.wall_time is not None:
+            arrays['wall_time'] = np.array([progress.wall_time])
         write_atomically(
             self.path / 'checkpoint.npz',
             lambda file: np.savez(file, **arrays),  # type: ignore[arg-type]
@@ -277,6 +285,7 @@ class RunFolder:
             chosen_by=chosen_by,
             task=config.task,
             scores=scores,
+            wall_time=progress.wall_time,
         )
 
     def close(self) -> None:

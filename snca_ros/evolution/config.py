@@ -7,6 +7,7 @@ from typing import Any
 
 import yaml
 
+from sim_node.control_time import steps_in
 from sim_node.engine import DEFAULT_ENGINE, ENGINES, check_engine
 from sim_node.errors import InvalidInput, check_keys
 from sim_node.model.constants import check_declared, choice, constant, text_value
@@ -61,8 +62,8 @@ class RunConfig:
         parse_morphology(self.shape)
         parse_terrain(self.terrain)
         check_declared(self)
-        if self.transient > self.duration:
-            expected = f'a number from 0 to {self.duration:g} [s], the duration'
+        if steps_in(self.transient) >= steps_in(self.duration):
+            expected = f'a time below the duration of an episode, {self.duration:g} s'
             raise InvalidInput('transient', self.transient, expected)
         check_engine(self.engine, self.solver)
         check_task(self.task)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from sim_node.errors import InvalidInput
+from snca_ros.controller_file import load_controller
 from snca_ros.evolution.checkpoint import HISTORY
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.tasks import TASKS, Task
@@ -25,12 +26,15 @@ class History:
         rows: (n_generations, 6) columns `HISTORY`; n_generations may be 0.
         total: evaluations of the complete run; None if only its history.csv is known.
         task: task of the run; None if there is no configuration of the run beside the history.
+        wall_time: time [s] at which the best robot met the wall at the end of the ground; None if
+            it did not, or only the history.csv is known.
     """
 
     name: str
     rows: np.ndarray
     total: int | None
     task: Task | None
+    wall_time: float | None = None
 
     @property
     def label(self) -> str:
@@ -62,7 +66,9 @@ def read_history(path: Path) -> History:
     config = RunConfig.from_yaml(path / 'config.yaml')
     table = path / 'history.csv'
     rows = _rows(table) if table.exists() else np.empty((0, len(HISTORY)))
-    return History(str(path), rows, config.evaluations, TASKS.find(config.task))
+    best = path / 'best.npz'
+    wall_time = load_controller(best).wall_time if best.exists() else None
+    return History(str(path), rows, config.evaluations, TASKS.find(config.task), wall_time)
 
 
 def _task_beside(path: Path) -> Task | None:
@@ -94,8 +100,10 @@ def describe(history: History) -> list[str]:
     generation, _, best, median, worst, best_so_far = rows[-1]
     in_unit = history.task.in_unit if history.task else '{:.3f}'.format
     of = '' if history.total is None else f' of {history.total}'
+    time = history.wall_time
+    wall = '' if time is None else f', which met the wall at the end of the ground at {time:.2f} s'
     return [
-        f'{history.name}: {history.evaluations}{of} evaluations, best {in_unit(best_so_far)}',
+        f'{history.name}: {history.evaluations}{of} evaluations, best {in_unit(best_so_far)}{wall}',
         *bars(rows[:, -1], _WIDTH, _HEIGHT),
         f'generation {generation:.0f}: best {best:.3f}, median {median:.3f}, worst {worst:.3f}',
     ]

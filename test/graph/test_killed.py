@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from std_srvs.srv import Trigger
 from support.graph import call, go, offline
+from support.limits import LIMIT
 from support.processes import TICK, stat_of, wait_until
 
 
@@ -17,7 +18,7 @@ def test_restarted_simulation_is_a_new_episode(walk, start_node, node, spin_unti
         assert call(node, spin_until, Trigger, 'step').success
     spin_until(lambda: 4 in centers[0])
     children['sim_node'].send_signal(signal.SIGKILL)
-    children['sim_node'].wait(30)
+    children['sim_node'].wait(LIMIT)
     start_node(graph, graph.simulation)
     spin_until(lambda: len(centers) == 2)
     spin_until(lambda: health['sim_node'][2].get('actuation of another episode', 0) >= 12)

@@ -2,10 +2,12 @@
 
 import json
 import re
+import time
 
 import numpy as np
 from rclpy.parameter_client import AsyncParameterClient
 from support.graph import offline
+from support.limits import LIMIT
 from support.processes import is_alive, nodes_of
 from websockets.sync.client import connect
 
@@ -18,10 +20,12 @@ class Page:
 
     def look_until(self, condition):
         """Take frames until one meets a condition; return it."""
-        while True:
-            self.frames.append(json.loads(self.socket.recv(timeout=60)))
+        end = time.monotonic() + LIMIT
+        while time.monotonic() < end:
+            self.frames.append(json.loads(self.socket.recv(timeout=LIMIT)))
             if condition(self.frames[-1]):
                 return self.frames[-1]
+        raise AssertionError('no frame meets the condition')
 
     def command(self, action, voxel='voxel_1_1'):
         self.socket.send(json.dumps({'action': action, 'voxel': voxel}))

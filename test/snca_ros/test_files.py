@@ -9,13 +9,13 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.limits import LIMIT
 
 import snca_ros.files
 from sim_node.errors import InvalidInput
 from snca_ros.files import check_new_bag, check_writable, write_atomically, write_text
 
 ROOT = Path(snca_ros.__file__).parents[1]
-LIMIT = 120.0  # s; only a hang reaches it
 
 WRITER = """
 import signal

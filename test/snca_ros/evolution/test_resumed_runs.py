@@ -20,7 +20,8 @@ from support.evolve import (
     freeze_midway,
     history_of,
 )
-from support.processes import LIMIT, is_alive, offspring, wait_until_gone
+from support.limits import LIMIT
+from support.processes import is_alive, offspring, wait_until_gone
 
 from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.checkpoint import RunFolder

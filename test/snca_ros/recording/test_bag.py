@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import synthetic_bag
+from support.limits import LIMIT
 from support.synthetic_bag import (
     STORAGES,
     TYPES,
@@ -474,4 +475,4 @@ def test_recordings_and_films_need_no_ros():
     )
     imports = '; '.join(f'import snca_ros.{name}' for name in modules)
     code = f'import sys; sys.modules["rclpy"] = None; {imports}'
-    subprocess.run([sys.executable, '-c', code], check=True, timeout=60)
+    subprocess.run([sys.executable, '-c', code], check=True, timeout=LIMIT)
