@@ -10,7 +10,9 @@ from sim_node.errors import InvalidInput
 from snca_ros.campaign.columns import COLUMNS, INTEGERS, MAY_BE_EMPTY, TEXTS
 from snca_ros.campaign.endpoints import CURVE_COLUMNS, Outcome
 from snca_ros.campaign.first_results import FIRST_COLUMNS, FIRST_INTEGERS, FIRST_TEXTS, converted
-from snca_ros.files import hold_folder, read_csv, write_atomically, write_text
+from snca_ros.files import hold_folder, read_csv, remove_stale, write_atomically, write_text
+
+_FILES = 'results.csv', 'histories/*.csv', 'controllers/*.npz'
 
 
 class Results:
@@ -29,6 +31,7 @@ class Results:
             for folder in ('histories', 'controllers'):
                 (path / folder).mkdir(parents=True, exist_ok=True)
             self._lock = hold_folder(path, 'results')
+            remove_stale(path, _FILES)
         except OSError as error:
             expected = 'a folder that can be written'
             raise InvalidInput('results', error.strerror, expected, str(path)) from None

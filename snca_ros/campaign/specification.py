@@ -11,7 +11,7 @@ from sim_node.model.solver import Solver
 from snca_ros.campaign.columns import check_comparable
 from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.config import RunConfig
-from snca_ros.files import read_yaml
+from snca_ros.yaml_file import read_yaml
 
 _NEEDED = ('shape', 'architecture', 'neuron_model')
 _KEYS = (

@@ -17,11 +17,22 @@ from sim_node.model.morphology import parse_morphology
 from snca_ros.controller_file import TrainedController, load_controller, save_controller
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.strategies import STRATEGIES
-from snca_ros.files import LOCK, hold_folder, write_atomically, write_text
+from snca_ros.files import (
+    LOCK,
+    hold_folder,
+    is_temporary,
+    remove_stale,
+    write_atomically,
+    write_text,
+)
 
 HISTORY = ('generation', 'evaluations', 'best', 'median', 'worst', 'best_so_far')
 """Columns of history.csv; best, median and worst are scores of the generation's evaluations, in
 the unit of the run's task."""
+
+
+FILES = 'config.yaml', 'checkpoint.npz', 'history.csv', 'best.npz', 'robust.npz'
+"""Names of the files of a run folder; a campaign writes the last one."""
 
 
 def _unwritable(path: Path, error: OSError) -> InvalidInput:
@@ -110,6 +121,7 @@ class RunFolder:
         self.path, self.config = path, config
         try:
             self._lock = hold_folder(path, 'run', wait)
+            remove_stale(path, FILES)
         except OSError as error:
             raise _unwritable(path, error) from None
 
@@ -119,7 +131,7 @@ class RunFolder:
         try:
             path.mkdir(parents=True, exist_ok=True)
             # A run that was killed before it wrote config.yaml leaves only these files.
-            if any(p.name != LOCK and not p.match('.config.yaml.*.tmp') for p in path.iterdir()):
+            if any(p.name != LOCK and not is_temporary(p) for p in path.iterdir()):
                 expected = 'a new or empty folder (use --resume to continue the run in it)'
                 raise InvalidInput('run', 'files in it', expected, str(path))
             folder = cls(path, config, wait)

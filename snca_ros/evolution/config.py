@@ -22,7 +22,7 @@ from snca_ros.cell.models import DEFAULT_NEURON_MODEL
 from snca_ros.evolution.episode import EPISODE, LONGEST, TRANSIENT
 from snca_ros.evolution.strategies import DEFAULT_STRATEGY, STRATEGIES, Strategy
 from snca_ros.evolution.tasks import DEFAULT_TASK, TASKS, check_task
-from snca_ros.files import read_yaml
+from snca_ros.yaml_file import read_yaml
 
 
 @dataclass(frozen=True)
