@@ -4,6 +4,7 @@ import contextlib
 import csv
 import errno
 import fcntl
+import hashlib
 import io
 import os
 import re
@@ -131,6 +132,15 @@ def _set_owner_and_mode(descriptor: int, old: os.stat_result) -> None:
         with contextlib.suppress(PermissionError):
             os.fchown(descriptor, old.st_uid, -1)
     os.fchmod(descriptor, old.st_mode & 0o777)
+
+
+def short_name(name: str, most: int) -> str:
+    """Return a name of at most `most` bytes: `name`, or its begin and a digest of it."""
+    whole = name.encode()
+    if len(whole) <= most:
+        return name
+    digest = hashlib.sha256(whole).hexdigest()[:16]
+    return f'{whole[: most - len(digest) - 1].decode(errors="ignore")}-{digest}'
 
 
 def remove_stale(folder: Path, names: Iterable[str]) -> None:

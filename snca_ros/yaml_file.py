@@ -1,5 +1,6 @@
 """YAML files of settings, read so that a setting is what its text says."""
 
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -18,12 +19,6 @@ class _Loader(yaml.SafeLoader):
     they were written.
     """
 
-    yaml_implicit_resolvers = {
-        first: [(tag, pattern) for tag, pattern in resolvers
-                if tag.rpartition(':')[2] not in ('int', 'float', 'timestamp')]
-        for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
-    }
-
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
         """Return the keys and values of a node; InvalidInput if a key is there twice."""
         lines: dict[tuple[str, str], int] = {}
@@ -36,6 +31,11 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
+_Loader.yaml_implicit_resolvers = {
+    first: [(tag, pattern) for tag, pattern in resolvers
+            if tag.rpartition(':')[2] not in ('int', 'float', 'timestamp')]
+    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
 _WHOLE = r'[-+]?(?:0|[1-9][0-9]*)'
 _Loader.add_implicit_resolver(
     'tag:yaml.org,2002:int', re.compile(rf'{_WHOLE}\Z'), [*'-+0123456789'],
@@ -48,6 +48,11 @@ _Loader.add_implicit_resolver(
     ),
     [*'-+.0123456789'],
 )
+
+
+def yaml_text(values: dict) -> str:
+    """Return the text of a YAML file; numbers and texts may be of numpy's types."""
+    return yaml.safe_dump(json.loads(json.dumps(values)), sort_keys=False)
 
 
 def read_yaml(path: Path, expected: str) -> Any:
@@ -70,4 +75,4 @@ def read_yaml(path: Path, expected: str) -> Any:
 
 def parse_yaml(text: str) -> Any:
     """Return the content of a YAML text; InvalidInput or YAMLError if it is invalid."""
-    return yaml.load(text, Loader=_Loader)  # noqa: S506  # derived from SafeLoader
+    return yaml.load(text, Loader=_Loader)

@@ -70,6 +70,8 @@ def _run(
     shape: Any, architecture: Any, neuron_model: Any, as_printed: Any = False,
     physics: Any = DEFAULT_PHYSICS, **options: Any,
 ) -> RunConfig:
+    if isinstance(shape, int) and not isinstance(shape, bool):
+        shape = str(shape)  # a grid of one row, such as 111
     cells = Architecture.named(architecture, neuron_model, as_printed=as_printed)
     config = RunConfig(shape, cells, solver=Solver(physics=physics), **options)
     check_comparable(config)
