@@ -9,9 +9,9 @@ from typing import Protocol
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 
 from sim_node.control_time import CONTROL_RATE
+from sim_node.ros.context import start_ros
 from sim_node.ros.interface import DIAGNOSTICS
 from snca_ros.graph.description import Graph, NodeProcess, WalkOptions
 from snca_ros.graph.environment import graph_environment
@@ -147,7 +147,7 @@ def _watch_walk(
     assert graph.simulation is not None
     arguments = ['--ros-args', '--enclave', graph.enclave('walk')]
     # All forks were made before this: they must not inherit a ROS context.
-    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    start_ros(arguments)
     try:
         node = rclpy.create_node('walk', namespace=f'/{graph.robot}', enable_rosout=False)
         progress = _Progress(node, graph.robot, options.duration)

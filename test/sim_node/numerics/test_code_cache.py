@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import sim_node
-from sim_node.numerics.code_cache import _unused
+from sim_node.numerics.cache_folder import _unused
 from sim_node.numerics.source_digest import sources
 
 
@@ -58,7 +58,7 @@ def test_the_real_sources_include_kernels_and_their_constants() -> None:
 
 PROGRAM = """
 import numpy as np
-from sim_node.numerics import code_cache
+from sim_node.numerics import cache_folder
 from sim_node.numerics.jit import compiled, warm_up
 from sim_node.numerics.elementary_functions import tanh
 
@@ -67,7 +67,7 @@ def twice_tanh(x):
     return 2.0 * tanh(x)
 
 warm_up('test', lambda: twice_tanh(0.5))
-print(repr(float(twice_tanh(0.5))), code_cache.folder(), dict(twice_tanh.stats.cache_hits) != {})
+print(repr(float(twice_tanh(0.5))), cache_folder.folder(), dict(twice_tanh.stats.cache_hits) != {})
 """
 
 
