@@ -34,12 +34,11 @@ def test_what_yaml_reads_as_another_number_or_date_is_text(text):
 
 
 @pytest.mark.parametrize(
-    'text', ['seed: 1\nseed: 2', '"seed": 1\nseed: 1', 'a: {seed: 1,\n    seed: 2}', 'b: 1\n<<: 1']
+    'text', ['seed: 1\nseed: 2', '"seed": 1\nseed: 1', 'a: {seed: 1,\n    seed: 2}']
 )
 def test_key_that_is_there_twice_is_refused_with_file_and_lines(tmp_path, text):
     (tmp_path / 'file.yaml').write_text(text)
-    expected = r'file\.yaml: seed: got .*lines 1 and 2.*once' if 'seed' in text else r'file\.yaml: '
-    with pytest.raises(InvalidInput, match=expected):
+    with pytest.raises(InvalidInput, match=r'file\.yaml: seed: got .*lines 1 and 2.*once'):
         read_yaml(tmp_path / 'file.yaml', 'settings')
 
 
