@@ -15,7 +15,14 @@ import numpy as np
 
 from sim_node.engine import DEFAULT_ENGINE, ENGINES
 from sim_node.errors import InvalidInput, check_keys, check_name
-from sim_node.model.body_file import FORMAT_VERSION, body_of, check_version, field_of, read_archive
+from sim_node.model.body_file import (
+    FORMAT_VERSION,
+    body_of,
+    check_size,
+    check_version,
+    field_of,
+    read_archive,
+)
 from sim_node.model.material import Material
 from sim_node.model.morphology import Morphology
 from sim_node.model.solver import Solver
@@ -176,7 +183,13 @@ def package_versions() -> dict[str, str]:
 
 
 def save_controller(path: Path | str, trained: TrainedController) -> None:
-    """Write `trained` to `path`, atomically."""
+    """Write `trained` to `path`, atomically.
+
+    Raises:
+        InvalidInput: it has more parameters than a controller file may hold.
+        OSError: `path` cannot be written.
+    """
+    check_size(len(trained.parameters))
     cells = trained.architecture.to_dict()
     header = {
         'format_version': FORMAT_VERSION,

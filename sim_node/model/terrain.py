@@ -23,6 +23,7 @@ DEPTH = 50.0
 
 _STEP_RISE_WIDTH = 0.5
 _NUMBER = r'(\d+(?:\.\d+)?)'
+_SEED = r'(0|[1-9]\d*)'  # one name for each
 _MAX_HEIGHT, _MAX_RUN, _MAX_ANGLE = 100.0, 1000.0, 60.0
 
 
@@ -140,8 +141,8 @@ def _irregular(name: str, h: str, w: str, seed: str) -> tuple[list[float], list[
 
 _KINDS: dict[str, tuple[str, str, Callable]] = {
     'flat': ('flat', 'flat', _flat),
-    'hilly': ('hilly-<h>-<w>-<seed>', rf'hilly-{_NUMBER}-{_NUMBER}-(\d+)', _irregular),
-    'steppy': ('steppy-<h>-<w>-<seed>', rf'steppy-{_NUMBER}-{_NUMBER}-(\d+)', _irregular),
+    'hilly': ('hilly-<h>-<w>-<seed>', rf'hilly-{_NUMBER}-{_NUMBER}-{_SEED}', _irregular),
+    'steppy': ('steppy-<h>-<w>-<seed>', rf'steppy-{_NUMBER}-{_NUMBER}-{_SEED}', _irregular),
     'uphill': ('uphill-<degrees>', rf'uphill-{_NUMBER}', _slope),
     'downhill': ('downhill-<degrees>', rf'downhill-{_NUMBER}', _slope),
 }

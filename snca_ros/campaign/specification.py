@@ -11,7 +11,7 @@ from sim_node.model.solver import Solver
 from snca_ros.campaign.columns import check_comparable
 from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.config import RunConfig
-from snca_ros.files import read_yaml
+from snca_ros.yaml_file import read_yaml
 
 _NEEDED = ('shape', 'architecture', 'neuron_model')
 _KEYS = (
@@ -70,6 +70,8 @@ def _run(
     shape: Any, architecture: Any, neuron_model: Any, as_printed: Any = False,
     physics: Any = DEFAULT_PHYSICS, **options: Any,
 ) -> RunConfig:
+    if isinstance(shape, int) and not isinstance(shape, bool):
+        shape = str(shape)  # a grid of one row, such as 111
     cells = Architecture.named(architecture, neuron_model, as_printed=as_printed)
     config = RunConfig(shape, cells, solver=Solver(physics=physics), **options)
     check_comparable(config)

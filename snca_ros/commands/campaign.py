@@ -13,7 +13,11 @@ from snca_ros.campaign.results import Results
 from snca_ros.campaign.scheduler import Campaign, Listener
 from snca_ros.campaign.specification import read_campaign
 from snca_ros.command_line import INTERRUPTED
-from snca_ros.commands.worker_options import add_worker_arguments, open_workers
+from snca_ros.commands.worker_options import (
+    add_worker_arguments,
+    check_workers,
+    open_workers,
+)
 from snca_ros.files import RESULTS, RUNS
 from snca_ros.progress import StatusLine
 
@@ -66,6 +70,7 @@ class _Printer(Listener):
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Start or resume a campaign; return the exit code."""
     configs = read_campaign(args.file)
+    check_workers(args)
     results = Results(args.results or RESULTS / args.file.stem)
     campaign = Campaign(configs, results, args.runs.resolve(), _Printer())
     signal.signal(signal.SIGTERM, signal.default_int_handler)

@@ -16,7 +16,11 @@ from snca_ros.cell.architecture import ARCHITECTURES, DEFAULT_ARCHITECTURE, Arch
 from snca_ros.cell.models import DEFAULT_NEURON_MODEL, NEURON_MODELS
 from snca_ros.command_line import INTERRUPTED
 from snca_ros.commands.declared_options import add_option
-from snca_ros.commands.worker_options import add_worker_arguments, open_workers
+from snca_ros.commands.worker_options import (
+    add_worker_arguments,
+    check_workers,
+    open_workers,
+)
 from snca_ros.evolution.checkpoint import Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evolve import evolve
@@ -136,6 +140,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     else:
         config = _new_config(args)
         config.new_strategy()  # raises InvalidInput if it is not installed, before mkdir
+        check_workers(args)
         folder = RunFolder.create(args.run or RUNS / config.name, config)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     print(f'{folder.path}: {_describe(folder.config)}', file=sys.stderr)

@@ -27,4 +27,17 @@ def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
 
 def open_workers(args: argparse.Namespace) -> AbstractContextManager[Workers]:
     """Return the workers of the command line, as a context manager."""
-    return cluster_workers(args.scheduler) if args.scheduler else local_workers(args.workers)
+    if args.scheduler is None:
+        return local_workers(args.workers)
+    return cluster_workers(args.scheduler)
+
+
+def check_workers(args: argparse.Namespace) -> None:
+    """Check that the scheduler of the command line has workers, before a folder is made.
+
+    Raises:
+        InvalidInput: it has none, or does not answer.
+    """
+    if args.scheduler is not None:
+        with cluster_workers(args.scheduler):
+            pass

@@ -8,7 +8,7 @@ import numpy as np
 
 from sim_node.errors import InvalidInput
 from snca_ros.controller_file import load_controller
-from snca_ros.evolution.checkpoint import HISTORY
+from snca_ros.evolution.checkpoint_arrays import HISTORY
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.tasks import TASKS, Task
 from snca_ros.files import read_csv

@@ -9,9 +9,9 @@ from typing import Protocol
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 
 from sim_node.control_time import CONTROL_RATE
+from sim_node.ros.context import start_ros
 from sim_node.ros.interface import DIAGNOSTICS
 from sim_node.ros.stop_signals import StopRequest
 from snca_ros.graph.description import Graph, NodeProcess, WalkOptions
@@ -154,7 +154,7 @@ def _watch_walk(
     graph, watch, view = running.graph, _Watch(running, respawn), None
     assert graph.simulation is not None
     arguments = ['--ros-args', '--enclave', graph.enclave('walk')]
-    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    start_ros(arguments)
     try:
         node = rclpy.create_node('walk', namespace=f'/{graph.robot}', enable_rosout=False)
         progress = _Progress(node, graph.robot, options.duration)

@@ -318,6 +318,33 @@ def test_results_in_use_are_refused(file, tmp_path, capsys):
     assert 'no other process' in err
 
 
+def test_files_of_others_in_the_results_folder_are_kept(tmp_path):
+    temporary = '.results.csv.snca-0123456789abcdef.tmp'
+    others = ['.notes.tmp', '.results.csv.ab12cd.tmp', 'mail/.draft.tmp', f'other/{temporary}',
+              'histories/.a.csv.ab12cd.tmp', f'controllers/{temporary}']
+    own = [temporary, 'histories/.a.csv.snca-0123456789abcdef.tmp',
+           'controllers/.a-robust.npz.snca-0123456789abcdef.tmp']
+    for name in (*others, *own):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text('text')
+    (tmp_path / '.lock').write_text('of others')
+    Results(tmp_path).close()
+    assert contents(tmp_path).keys() == {*others}
+    assert (tmp_path / '.lock').read_text() == 'of others'
+
+
+def test_scheduler_that_does_not_answer_leaves_nothing_behind(file, tmp_path, monkeypatch, capsys):
+    pytest.importorskip('distributed')
+    monkeypatch.setattr('snca_ros.evolution.workers._ANSWER_LIMIT', 0.2)
+    monkeypatch.chdir(tmp_path)
+    for command in (['campaign', str(file)], ['evolve', '--shape', 'worm']):
+        for address in ('junk', '', 'tcp://127.0.0.1:1'):
+            assert cli.main([*command, '--scheduler', address]) == 2
+            err = capsys.readouterr().err
+            assert f'scheduler: got {address!r}, expected the address of a Dask' in err
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize(
     ('damage', 'words'),
     [
