@@ -61,7 +61,10 @@ ROOMS = {
     'tasks': Room(('snca_ros.evolution.tasks.*',), ('errors',)),
     'cell': Room(('snca_ros.cell.*',), ('files', 'model')),
     'files': Room(
-        ('snca_ros.files', 'snca_ros.figures', 'snca_ros.progress', 'snca_ros.command_line'),
+        (
+            'snca_ros.files', 'snca_ros.figures', 'snca_ros.progress', 'snca_ros.command_line',
+            'snca_ros.standard_streams',
+        ),
         ('errors',),
         'Files written whole or not at all, figures, progress of commands, errors of one line.',
     ),

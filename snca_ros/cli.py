@@ -1,5 +1,6 @@
 """The `snca` command, which runs the sub-command or node that its first argument names."""
 
+import os
 import sys
 
 from sim_node.errors import check_name
@@ -7,6 +8,7 @@ from snca_ros import __version__
 from snca_ros.command_line import CommandParser, exit_code
 from snca_ros.commands import COMMANDS, load_command
 from snca_ros.graph.executables import NODES, run_node
+from snca_ros.standard_streams import prepare_streams
 
 EXAMPLES = """
   snca walk                      # a 30 s walk of the bundled biped, with bag and report
@@ -17,6 +19,8 @@ EXAMPLES = """
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command or node that the first argument names; return the exit code."""
+    prepare_streams()
+    os.environ['MPLBACKEND'] = 'agg'  # a notebook's may not exist here; figures go to files
     argv = sys.argv[1:] if argv is None else argv
     name = argv[0] if argv else '--help'
     if name in NODES:

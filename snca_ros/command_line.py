@@ -2,7 +2,6 @@
 
 import argparse
 import importlib
-import os
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor
@@ -10,6 +9,7 @@ from types import ModuleType
 from typing import Any, NoReturn
 
 from sim_node.errors import InvalidInput, near_miss
+from snca_ros.standard_streams import discard_unwritable, write_error
 
 BAD_INPUT = 2
 """The exit code after invalid input."""
@@ -60,18 +60,21 @@ def exit_code(name: str, run: Callable[[], int]) -> int:
         run: returns the exit code.
     """
     try:
-        return run()
+        code = run()
+        sys.stdout.flush()
+        return code
     except InvalidInput as error:
-        print(f'snca {name}: error: {error}', file=sys.stderr)
+        write_error(f'snca {name}: error: {error}')
         return BAD_INPUT
     except KeyboardInterrupt:
         return INTERRUPTED
-    except BrokenPipeError:  # the reader has ended; discard the rest of the output
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:  # the reader of the output has ended
         return 1
     except (BrokenExecutor, OSError) as error:  # a killed worker; a full disk, a folder gone
-        print(f'snca {name}: error: {error}', file=sys.stderr)
+        write_error(f'snca {name}: error: {error}')
         return 1
+    finally:
+        discard_unwritable()
 
 
 def load_module(name: str) -> ModuleType:
