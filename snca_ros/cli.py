@@ -21,6 +21,7 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command or node that the first argument names; return the exit code."""
     prepare_streams()
     os.environ['MPLBACKEND'] = 'agg'  # a notebook's may not exist here; figures go to files
+    os.environ['PYTHONSAFEPATH'] = '1'  # child processes import nothing from this directory
     argv = sys.argv[1:] if argv is None else argv
     name = argv[0] if argv else '--help'
     if name in NODES:

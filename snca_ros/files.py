@@ -124,14 +124,22 @@ def read_csv(path: Path, expected: str) -> tuple[list[str], list[list[str]]]:
     return header, rows
 
 
-def check_new_bag(folder: Path) -> None:
+NOT_IN_SQLITE = frozenset('?#%')
+"""Characters of a path that rosbags takes for parts of a URI, if the storage is sqlite3."""
+
+
+def check_new_bag(folder: Path, storage: str) -> None:
     """Check that the folder of a bag can be created and that there is enough free space.
 
     Raises:
-        InvalidInput: the folder exists or cannot be created, or less than `RESERVE` is free.
+        InvalidInput: the folder exists or cannot be created, the storage cannot write to such a
+            path, or less than `RESERVE` is free.
     """
     if folder.exists():
         raise InvalidInput('bag', str(folder), 'a folder that does not exist yet')
+    if storage == 'sqlite3' and NOT_IN_SQLITE.intersection(str(folder.absolute())):
+        expected = f'a path without {" ".join(sorted(NOT_IN_SQLITE))}, or the storage mcap'
+        raise InvalidInput('bag', str(folder), expected)
     parent = next(parent for parent in folder.absolute().parents if parent.exists())
     try:
         tempfile.TemporaryDirectory(dir=parent, prefix='.snca_ros_').cleanup()

@@ -14,6 +14,7 @@ import numpy as np
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import parse_morphology
 from sim_node.ros import security
+from sim_node.ros.domain import check_domain
 from sim_node.ros.sim_interface import BodyOptions
 from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
 from snca_ros.command_line import INTERRUPTED
@@ -73,6 +74,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Run a walk and report on it; return the exit code."""
+    check_domain()
     security.check_middleware()
     path = find_controller(args.controller)
     trained = load_controller(path)
@@ -85,7 +87,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     robot = args.robot or robot_name(trained.morphology)
     bag = args.bag or Path('bags') / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'
     if not args.no_bag:
-        check_new_bag(bag)
+        check_new_bag(bag, args.storage)
     engine = args.engine
     faults = parse_faults(args.faults)
     options = WalkOptions(

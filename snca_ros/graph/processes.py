@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from snca_ros.graph.child_process import PARENT, name_process
+from snca_ros.graph.child_process import PARENT, name_process, own_command
 from snca_ros.graph.description import Graph, NodeProcess
 from snca_ros.graph.executables import run_node
 
@@ -150,10 +150,9 @@ class RunningGraph:
         ]
         if process in self.graph.voxels and _can_fork():
             return _Fork(arguments, self._environment, process.name)
-        command = [sys.executable, '-m', 'snca_ros', *arguments]
         # In its own session: Ctrl-C reaches only the walk, which ends the others in order.
         return subprocess.Popen(
-            command, env=self._environment, stdin=subprocess.DEVNULL, start_new_session=True
+            own_command(*arguments), env=self._environment, stdin=subprocess.DEVNULL, start_new_session=True
         )
 
     def __exit__(self, *exc_info: object) -> None:

@@ -153,9 +153,17 @@ def test_where_a_bag_cannot_be_made(tmp_path, monkeypatch):
         ('/proc/nowhere/bag', 'can be written'),
     ):
         with pytest.raises(InvalidInput, match=reason):
-            check_new_bag(tmp_path / name)
-    check_new_bag(tmp_path / 'new' / 'bag')
+            check_new_bag(tmp_path / name, 'mcap')
+    check_new_bag(tmp_path / 'new' / 'bag', 'sqlite3')
+    check_new_bag(tmp_path / 'a#%?', 'mcap')
+    with pytest.raises(InvalidInput, match=r"a#b', expected a path without # % \?, or"):
+        check_new_bag(tmp_path / 'a#b', 'sqlite3')
     monkeypatch.setattr(snca_ros.files, 'RESERVE', 10**18)
     with pytest.raises(InvalidInput, match='of free space'):
-        check_new_bag(tmp_path / 'bag')
+        check_new_bag(tmp_path / 'bag', 'mcap')
     assert names(tmp_path) == ['file', 'there']
+
+
+def test_text_with_names_of_files_that_are_not_utf8_is_written_in_utf8(tmp_path):
+    write_text(tmp_path / 'page.html', '→ a\udcff')
+    assert (tmp_path / 'page.html').read_text(encoding='utf-8') == '→ a\\udcff'
