@@ -12,7 +12,8 @@ DEFAULT_CONTROLLER = 'biped-U-nD-snn-h'
 def config_folders() -> list[Path]:
     """Return the possible paths of config/: that of the checkout, then those of installations.
 
-    The prefix of the installation may differ from that of Python, as with `pip install --user` or `--target`.
+    The prefix of the installation may differ from that of Python, as with `pip install --user` or
+    `--target`.
     """
     own = Path(__file__).resolve().parents[1]
     ament = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)

@@ -13,6 +13,7 @@ from typing import Any, BinaryIO, TextIO
 import yaml
 
 from sim_node.errors import InvalidInput
+from snca_ros.standard_streams import write_error
 
 LOCK = '.lock'
 """Name of the lock file in folders that only one process at a time may use."""
@@ -85,6 +86,8 @@ def hold_folder(path: Path, what: str, wait: bool = False) -> TextIO:
         what: kind of the folder, for the error.
         wait: whether to wait while another process holds the lock.
 
+    A folder on a file system without locks can be used, with a warning on standard error.
+
     Raises:
         InvalidInput: another process holds the lock.
         OSError: the folder cannot be written.
@@ -92,10 +95,15 @@ def hold_folder(path: Path, what: str, wait: bool = False) -> TextIO:
     lock = (path / LOCK).open('w')
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-    except OSError:
+    except (BlockingIOError, PermissionError):
         lock.close()
         expected = f'a {what} folder that no other process is working on'
         raise InvalidInput(what, 'a folder in use', expected, str(path)) from None
+    except OSError as error:
+        write_error(
+            f'warning: {path} cannot be locked ({reason_of(error)}): make sure that no other '
+            'process works on this folder'
+        )
     for left in path.rglob('.*.tmp'):
         left.unlink(missing_ok=True)
     return lock

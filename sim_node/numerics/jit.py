@@ -1,5 +1,6 @@
 """Decorators that compile functions with numba and keep the code in the cache of `code_cache`."""
 
+import contextlib
 import fcntl
 import os
 from collections.abc import Callable
@@ -10,7 +11,11 @@ from numba.core.ccallback import CFunc
 from numba.core.compiler import Compiler
 from numba.core.sigutils import normalize_signature
 
+from sim_node.errors import InvalidInput
 from sim_node.numerics.code_cache import CodeCache, folder
+
+if numba.config.DISABLE_JIT:
+    raise InvalidInput('NUMBA_DISABLE_JIT', 1, '0: the physics and the cells are compiled code')
 
 
 def _kept(compiled: Any, function: Callable) -> Any:
@@ -100,6 +105,7 @@ def warm_up(name: str, run: Callable[[], object]) -> None:
         run()
         return
     with (place / f'{name}.lock').open('w') as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+        with contextlib.suppress(OSError):  # on a file system without locks, all of them compile
+            fcntl.flock(lock, fcntl.LOCK_EX)
         run()
         done.touch()

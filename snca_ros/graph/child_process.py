@@ -18,7 +18,9 @@ def own_command(*arguments: str) -> list[str]:
     first look in the working directory, where a random.py may lie.
     """
     folders = [folder for folder in sys.path if folder]
-    program = f'import sys; sys.path[:] = {folders}; from snca_ros.cli import main; sys.exit(main())'
+    program = (
+        f'import sys; sys.path[:] = {folders}; from snca_ros.cli import main; sys.exit(main())'
+    )
     return [sys.executable, '-c', program, *arguments]
 
 

@@ -124,10 +124,11 @@ def describe_graph(
         options: of the walk.
 
     Raises:
-        InvalidInput: the robot's name is no ROS name, a path is not UTF-8, or `only` names no voxels of this robot.
+        InvalidInput: the robot's name is no ROS name, a path is not UTF-8, or `only` names no voxels
+            of this robot.
     """
-    for field, path in (('controller', str(controller)), ('bag', options.bag)):
-        _check_utf8(field, os.path.abspath(path))
+    for name, path in (('controller', str(controller)), ('bag', options.bag)):
+        _check_utf8(name, os.path.abspath(path))
     morphology = trained.morphology
     k = options.voxels_per_process
     robot = options.robot or robot_name(morphology)
@@ -157,12 +158,12 @@ def describe_graph(
     )
 
 
-def _check_utf8(field: str, path: str) -> None:
+def _check_utf8(name: str, path: str) -> None:
     try:
         path.encode()
     except UnicodeEncodeError:
         expected = 'a path in UTF-8, as ROS parameters are'
-        raise InvalidInput(field, path, expected) from None
+        raise InvalidInput(name, path, expected) from None
 
 
 def choose_voxels(morphology: Morphology, only: str) -> tuple[str, ...]:

@@ -152,7 +152,8 @@ class RunningGraph:
             return _Fork(arguments, self._environment, process.name)
         # In its own session: Ctrl-C reaches only the walk, which ends the others in order.
         return subprocess.Popen(
-            own_command(*arguments), env=self._environment, stdin=subprocess.DEVNULL, start_new_session=True
+            own_command(*arguments), env=self._environment, stdin=subprocess.DEVNULL,
+            start_new_session=True,
         )
 
     def __exit__(self, *exc_info: object) -> None:

@@ -1,6 +1,7 @@
 """Files appear whole or not at all, whatever happens while they are written."""
 
 import errno
+import fcntl
 import os
 import signal
 import stat
@@ -12,7 +13,13 @@ import pytest
 
 import snca_ros.files
 from sim_node.errors import InvalidInput
-from snca_ros.files import check_new_bag, check_writable, write_atomically, write_text
+from snca_ros.files import (
+    check_new_bag,
+    check_writable,
+    hold_folder,
+    write_atomically,
+    write_text,
+)
 
 ROOT = Path(snca_ros.__file__).parents[1]
 LIMIT = 120.0  # s; only a hang reaches it
@@ -167,3 +174,25 @@ def test_where_a_bag_cannot_be_made(tmp_path, monkeypatch):
 def test_text_with_names_of_files_that_are_not_utf8_is_written_in_utf8(tmp_path):
     write_text(tmp_path / 'page.html', '→ a\udcff')
     assert (tmp_path / 'page.html').read_text(encoding='utf-8') == '→ a\\udcff'
+
+
+@pytest.mark.parametrize(('number', 'in_use'), [
+    (errno.EWOULDBLOCK, True), (errno.EACCES, True), (errno.ENOLCK, False), (errno.ENOSYS, False),
+    (errno.EOPNOTSUPP, False),
+])
+def test_a_file_system_without_locks_is_not_a_folder_in_use(
+    number, in_use, tmp_path, monkeypatch, capsys
+):
+    def flock(file, operation):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(fcntl, 'flock', flock)
+    if in_use:
+        with pytest.raises(InvalidInput, match='a folder in use'):
+            hold_folder(tmp_path, 'run')
+    else:
+        hold_folder(tmp_path, 'run').close()
+        assert capsys.readouterr().err == (
+            f'warning: {tmp_path} cannot be locked ({os.strerror(number)}): make sure that no '
+            'other process works on this folder\n'
+        )

@@ -13,5 +13,5 @@ def test_domains(text, monkeypatch):
 @pytest.mark.parametrize('text', ['abc', '-1', '233', '1.5', '٣', '1 2'])
 def test_what_is_no_domain_is_refused(text, monkeypatch):
     monkeypatch.setenv('ROS_DOMAIN_ID', text)
-    with pytest.raises(InvalidInput, match=f"ROS_DOMAIN_ID: got '{text}', expected an integer from"):
+    with pytest.raises(InvalidInput, match=f"ROS_DOMAIN_ID: got '{text}', expected an integer"):
         check_domain()
