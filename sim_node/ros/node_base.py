@@ -28,8 +28,7 @@ from rclpy.task import Future
 from rclpy.timer import Timer
 
 from sim_node.errors import InvalidInput, near_miss
-from sim_node.ros import security
-from sim_node.ros.domain import check_domain
+from sim_node.ros import domain, security
 from sim_node.ros.interface import DIAGNOSTICS, DIAGNOSTICS_PERIOD
 
 BAD_INPUT = 2
@@ -249,7 +248,7 @@ def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> i
     nodes: Sequence[RosNode] = ()
     secured = False
     try:
-        check_domain()
+        domain.check_domain()
         secured = security.is_requested()
         rclpy.init(args=[sys.argv[0], *argv], signal_handler_options=SignalHandlerOptions.NO)
         nodes = make_nodes()

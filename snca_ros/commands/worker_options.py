@@ -20,7 +20,8 @@ class WorkerOptions(Checked):
 def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options that `open_workers` needs."""
     text = declaration(WorkerOptions, 'workers').metadata['text']
-    add_option(parser, WorkerOptions, 'workers', help=f'{text} (default: one per processor that this process may use)')
+    add_option(parser, WorkerOptions, 'workers',
+               help=f'{text} (default: one per processor that this process may use)')
     parser.add_argument('--scheduler', metavar='ADDRESS',
                         help='use the workers of this Dask scheduler, such as tcp://HOST:8786')
 

@@ -124,8 +124,8 @@ def describe_graph(
         options: of the walk.
 
     Raises:
-        InvalidInput: the robot's name is no ROS name, a path is not UTF-8, or `only` names no voxels
-            of this robot.
+        InvalidInput: the robot's name is no ROS name, a path is not UTF-8, or `only` names no
+            voxels of this robot.
     """
     for name, path in (('controller', str(controller)), ('bag', options.bag)):
         _check_utf8(name, os.path.abspath(path))
