@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from snca_ros.evolution.history import History, describe, read_history
+from snca_ros.progress import fit
 
 EXAMPLES = """
   snca history runs/tripod
@@ -36,7 +37,8 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     while True:
         histories = [read_history(path) for path in args.runs]
         finished = not args.watch or all(history.finished for history in histories)
-        lines = [line[:width] for history in histories for line in describe(history)]
+        lines = [fit(line, width) if width else line
+                 for history in histories for line in describe(history)]
         if lines != shown:
             if args.figure:
                 _draw(histories, args.figure)

@@ -25,8 +25,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='figure to draw, .png, .svg or .pdf '
                         f'(default BAG/{FIGURE})')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the report as JSON, too')
-    parser.add_argument('--html', type=Path, nargs='?', const=True, metavar='FILE',
-                        help=f'write a page that plays the walk (default BAG/{PAGE})')
+    parser.add_argument('--html', action=FormerlyWithValue, own_option='--page',
+                        is_value=lambda text: text.endswith(('.html', '.htm')),
+                        help='write a page that plays the walk')
+    parser.add_argument('--page', type=Path, metavar='FILE',
+                        help=f'file of that page (default BAG/{PAGE}); implies --html')
     parser.add_argument('--controller', metavar='CONTROLLER',
                         help='controller of the walk in the bag, to add thresholds to the page')
     parser.add_argument('--episode', type=int, default=-1, metavar='N',
@@ -50,11 +53,10 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         except OSError as error:
             shown = f'{args.json}: {error.strerror}'
             raise InvalidInput('json', shown, 'a file that can be written') from None
-    if args.html:
+    if args.html or args.page:
         from snca_ros.commands.replay import write_bag_page
 
-        page = args.bag / PAGE if args.html is True else args.html
-        write_bag_page(page, recording, args.controller)
+        write_bag_page(args.page or args.bag / PAGE, recording, args.controller)
     return 0
 
 
