@@ -63,7 +63,7 @@ ROOMS = {
     'files': Room(
         (
             'snca_ros.files', 'snca_ros.figures', 'snca_ros.progress', 'snca_ros.command_line',
-            'snca_ros.standard_streams',
+            'snca_ros.standard_streams', 'snca_ros.interrupts',
         ),
         ('errors',),
         'Files written whole or not at all, figures, progress of commands, errors of one line.',

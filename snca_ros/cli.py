@@ -7,7 +7,9 @@ from sim_node.errors import check_name
 from snca_ros import __version__
 from snca_ros.command_line import CommandParser, exit_code
 from snca_ros.commands import COMMANDS, load_command
+from snca_ros.commands.json_output import json_output
 from snca_ros.graph.executables import NODES, run_node
+from snca_ros.interrupts import interrupt_ends_at_once
 from snca_ros.standard_streams import prepare_streams
 
 EXAMPLES = """
@@ -37,12 +39,15 @@ def _run(name: str, argv: list[str]) -> int:
         print(f'snca_ros {__version__}', flush=True)
         return 0
     check_name('command', name, [*COMMANDS, *NODES])
-    module = load_command(name)
-    parser = CommandParser(name, COMMANDS[name], module)
     # `ros2 run` and `ros2 launch` may append --ros-args, which only nodes use.
     if '--ros-args' in argv:
         argv = argv[: argv.index('--ros-args')]
-    return module.run(parser.parse_args(argv), parser)
+    with interrupt_ends_at_once():
+        module = load_command(name)
+        parser = CommandParser(name, COMMANDS[name], module)
+        args = parser.parse_args(argv)
+    with json_output(getattr(args, 'json', None)) as args.write_json:
+        return module.run(args, parser)
 
 
 def _overview() -> str:

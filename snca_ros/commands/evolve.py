@@ -16,6 +16,7 @@ from snca_ros.cell.architecture import ARCHITECTURES, DEFAULT_ARCHITECTURE, Arch
 from snca_ros.cell.models import DEFAULT_NEURON_MODEL, NEURON_MODELS
 from snca_ros.command_line import INTERRUPTED
 from snca_ros.commands.declared_options import add_option
+from snca_ros.commands.json_output import add_json_option
 from snca_ros.commands.worker_options import add_worker_arguments, open_workers
 from snca_ros.evolution.checkpoint import Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
@@ -101,6 +102,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--run', type=Path, help=f'run folder (default {RUNS}/<settings>)')
     parser.add_argument('--resume', type=Path, metavar='RUN', help='continue the run in a folder')
     add_worker_arguments(parser)
+    add_json_option(parser)
 
 
 def _given(args: argparse.Namespace, names: tuple[str, ...]) -> dict:
@@ -157,13 +159,23 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         return 1
     finally:
         folder.close()
+    args.write_json(_print_result(folder, progress, task))
+    return 0
+
+
+def _print_result(folder: RunFolder, progress: Progress, task: Task) -> dict[str, object]:
+    """Print the scores of the best controller; return them for JSON."""
     _, chosen_by, found = progress.chosen(folder.config)
     scores = ', '.join(f'{task.in_unit(v, 4)} in {engine}' for engine, v in found.items())
     print(
         f'{folder.path / "best.npz"}: {task.quantity} {scores}, one episode each '
         f'(chosen by {chosen_by}), {progress.evaluations} evaluations'
     )
-    return 0
+    return {
+        'run': str(folder.path), 'controller': str(folder.path / 'best.npz'),
+        'task': folder.config.task, 'quantity': task.quantity, 'unit': task.unit,
+        'scores': found, 'chosen_by': chosen_by, 'evaluations': progress.evaluations,
+    }
 
 
 def _describe(config: RunConfig) -> str:

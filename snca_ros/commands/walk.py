@@ -21,11 +21,12 @@ from sim_node.ros.sim_interface import BodyOptions
 from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
 from snca_ros.command_line import INTERRUPTED, FormerlyWithValue
 from snca_ros.commands.declared_options import add_option
+from snca_ros.commands.json_output import add_json_option
 from snca_ros.commands.report import print_report
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.episode import run_episode
 from snca_ros.faults import FAULTS_HELP, Faults, parse_faults
-from snca_ros.files import FIGURE, check_new_bag
+from snca_ros.files import check_new_bag
 from snca_ros.graph.description import Graph, WalkOptions, describe_graph, robot_name
 from snca_ros.graph.live_view import LiveView
 from snca_ros.graph.processes import RunningGraph
@@ -34,6 +35,7 @@ from snca_ros.nodes.interfaces import ViewOptions
 from snca_ros.recording.bag import read_bag
 from snca_ros.recording.gait import measure_gait
 from snca_ros.recording.offline import compare_with_twin
+from snca_ros.recording.report import as_dict
 from snca_ros.web.server import check_port
 
 EXAMPLES = """
@@ -76,6 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     record.add_argument('--bag', type=Path, help='bag to write (default bags/<robot>-<time>)')
     record.add_argument('--no-bag', action='store_true', help='record nothing')
     add_option(parser, WalkOptions, 'storage')
+    add_json_option(parser)
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
@@ -84,6 +87,8 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     security.check_middleware()
     path = find_controller(args.controller)
     trained = load_controller(path)
+    if args.json and args.no_bag:
+        raise InvalidInput('--json', args.json, 'a walk with a bag, whose report it is')
     if args.duration == 0.0:
         raise InvalidInput('--duration', args.duration, 'a time above 0 [s]')
     port = ViewOptions.port if args.view and args.port is None else args.port
@@ -114,10 +119,12 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if code or args.no_bag:
         return code
     recording = read_bag(bag)
-    print_report(recording, measure_gait(recording), bag / FIGURE)
+    gait = measure_gait(recording)
+    print_report(recording, gait)
     may_differ = args.respawn or factor > 0.0
     text, as_expected = compare_with_twin(recording.centers, offline, may_differ)
     print(text)
+    args.write_json({**as_dict(recording, gait), 'offline_twin': text, 'as_expected': as_expected})
     return 0 if as_expected else 1
 
 
