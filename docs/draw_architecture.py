@@ -63,7 +63,7 @@ ROOMS = {
     'files': Room(
         (
             'snca_ros.files', 'snca_ros.yaml_file', 'snca_ros.figures', 'snca_ros.progress',
-            'snca_ros.command_line',
+            'snca_ros.command_line', 'snca_ros.standard_streams', 'snca_ros.interrupts',
         ),
         ('errors',),
         'Files written whole or not at all, figures, progress of commands, errors of one line.',
@@ -77,8 +77,8 @@ ROOMS = {
     'munk2d': Room(('sim_node.munk2d.*',), ('engine',)),
     'batched': Room(('sim_node.batched.*',), ('engine',)),
     'engine': Room(('sim_node.engine',), ('model',), 'What an engine is, and how it is found.'),
-    'model': Room(('sim_node.model.*',), ('numerics', 'errors')),
-    'numerics': Room(('sim_node.numerics.*',), ()),
+    'model': Room(('sim_node.model.*',), ('numerics',)),
+    'numerics': Room(('sim_node.numerics.*',), ('errors',)),
     'errors': Room(
         (
             'sim_node.errors', 'sim_node.registry', 'sim_node.control_time',

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import BinaryIO, TextIO
 
 from sim_node.errors import InvalidInput
+from snca_ros.standard_streams import write_error
 
 LOCK = '.lock'
 """Name of the lock file in folders that only one process at a time may use."""
@@ -65,7 +66,7 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Create or replace `path` with `text`, atomically."""
-    write_atomically(path, lambda file: file.write(text.encode()))
+    write_atomically(path, lambda file: file.write(text.encode(errors='backslashreplace')))
 
 
 def _status_of(path: Path | str) -> os.stat_result | None:
@@ -198,6 +199,8 @@ def hold_folder(path: Path, what: str, wait: bool = False) -> TextIO:
         what: kind of the folder, for the error.
         wait: whether to wait while another process holds the lock.
 
+    A folder on a file system without locks can be used, with a warning on standard error.
+
     Raises:
         InvalidInput: another process holds the lock.
         OSError: the folder cannot be written.
@@ -205,10 +208,15 @@ def hold_folder(path: Path, what: str, wait: bool = False) -> TextIO:
     lock = (path / LOCK).open('a')
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-    except OSError:
+    except (BlockingIOError, PermissionError):
         lock.close()
         expected = f'a {what} folder that no other process is working on'
         raise InvalidInput(what, 'a folder in use', expected, str(path)) from None
+    except OSError as error:
+        write_error(
+            f'warning: {path} cannot be locked ({reason_of(error)}): make sure that no other '
+            'process works on this folder'
+        )
     return lock
 
 
@@ -227,14 +235,22 @@ def read_csv(path: Path, expected: str) -> tuple[list[str], list[list[str]]]:
     return header, rows
 
 
-def check_new_bag(folder: Path) -> None:
+NOT_IN_SQLITE = frozenset('?#%')
+"""Characters of a path that rosbags takes for parts of a URI, if the storage is sqlite3."""
+
+
+def check_new_bag(folder: Path, storage: str) -> None:
     """Check that the folder of a bag can be created and that there is enough free space.
 
     Raises:
-        InvalidInput: the folder exists or cannot be created, or less than `RESERVE` is free.
+        InvalidInput: the folder exists or cannot be created, the storage cannot write to such a
+            path, or less than `RESERVE` is free.
     """
     if folder.exists():
         raise InvalidInput('bag', str(folder), 'a folder that does not exist yet')
+    if storage == 'sqlite3' and NOT_IN_SQLITE.intersection(str(folder.absolute())):
+        expected = f'a path without {" ".join(sorted(NOT_IN_SQLITE))}, or the storage mcap'
+        raise InvalidInput('bag', str(folder), expected)
     parent = next(parent for parent in folder.absolute().parents if parent.exists())
     try:
         tempfile.TemporaryDirectory(dir=parent, prefix='.snca_ros_').cleanup()

@@ -12,8 +12,12 @@ from numba.core.ccallback import CFunc
 from numba.core.compiler import Compiler
 from numba.core.sigutils import normalize_signature
 
+from sim_node.errors import InvalidInput
 from sim_node.numerics.cache_folder import folder
 from sim_node.numerics.code_cache import CodeCache
+
+if numba.config.DISABLE_JIT:
+    raise InvalidInput('NUMBA_DISABLE_JIT', 1, '0: the physics and the cells are compiled code')
 
 
 def _kept(compiled: Any, function: Callable) -> Any:

@@ -26,7 +26,7 @@ from rclpy.task import Future
 from rclpy.timer import Timer
 
 from sim_node.errors import InvalidInput
-from sim_node.ros import security
+from sim_node.ros import domain, security
 from sim_node.ros.context import start_ros
 from sim_node.ros.deadlines import ListeningTime
 from sim_node.ros.interface import DIAGNOSTICS, DIAGNOSTICS_PERIOD
@@ -234,6 +234,7 @@ def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> i
     nodes: Sequence[RosNode] = ()
     secured = False
     try:
+        domain.check_domain()
         secured = security.is_requested()
         start_ros([sys.argv[0], *argv])
         nodes = make_nodes()

@@ -22,6 +22,7 @@ from snca_ros.evolution.checkpoint import Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evaluator import evaluate
 from snca_ros.evolution.evolve import evolve
+from snca_ros.evolution.history import CURVE_COLUMNS
 from snca_ros.evolution.workers import IN_PROCESS
 from snca_ros.recording.gait import dominant_frequency, steady_part, vibration_share
 
@@ -32,9 +33,6 @@ chosen in the run's engine."""
 ROBUST_STARTS = range(101, 121)
 """Pushed starts at which the robust controller is assessed in pymunk; others than `STARTS`, since
 it was chosen by those."""
-
-CURVE_COLUMNS = ('evaluations', 'best_so_far')
-"""Columns of a history: best v_x [m/s] so far where it rises, and at the last generation."""
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,9 @@ import numpy as np
 
 from sim_node.errors import InvalidInput
 from snca_ros.campaign.columns import COLUMNS, INTEGERS, MAY_BE_EMPTY, TEXTS
-from snca_ros.campaign.endpoints import CURVE_COLUMNS, Outcome
+from snca_ros.campaign.endpoints import Outcome
 from snca_ros.campaign.first_results import FIRST_COLUMNS, FIRST_INTEGERS, FIRST_TEXTS, converted
+from snca_ros.evolution.history import CURVE_COLUMNS
 from snca_ros.files import hold_folder, read_csv, remove_stale, write_atomically, write_text
 
 _FILES = 'results.csv', 'histories/*.csv', 'controllers/*.npz'

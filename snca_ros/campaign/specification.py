@@ -24,8 +24,8 @@ def read_campaign(path: Path) -> list[RunConfig]:
     """Return the configurations of a campaign file's runs, each once, in the order of their seeds.
 
     Each key has a value or a list of values. Each of the `cases` is the product of its own lists
-    and of those outside `cases`; without `cases`, the file is one product. The default engine is
-    batched.
+    and of those outside `cases`; without `cases`, the file is one product. The defaults are those
+    of `evolve`.
 
     Raises:
         InvalidInput: the file cannot be read, or a key or value in it is invalid.
@@ -48,7 +48,7 @@ def _runs(values: Any) -> Iterator[RunConfig]:
     shared = {key: value for key, value in values.items() if key != 'cases'}
     for i, case in enumerate(cases):
         check_keys(f'cases[{i}]', case, _KEYS)
-        for combination in _product({'engine': 'batched', **shared, **case}):
+        for combination in _product({**shared, **case}):
             yield _run(**combination)
     if not cases:
         raise InvalidInput('cases', cases, 'at least one')

@@ -35,6 +35,7 @@ from snca_ros.assessment.trials import (
 )
 from snca_ros.bundled import find_controller
 from snca_ros.commands.declared_options import add_option
+from snca_ros.commands.json_output import add_json_option
 from snca_ros.commands.worker_options import add_worker_arguments, open_workers
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.tasks import Task
@@ -71,6 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--figure', type=Path, metavar='FILE',
                         help='draw a figure, .png, .svg or .pdf')
     add_worker_arguments(parser)
+    add_json_option(parser)
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
@@ -109,23 +111,32 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         print('\n'.join(['', *table(name, names, of_one, task.quantity)]), flush=True)
     for line in wall_lines(times, task):
         print(line)
-    if args.csv:
-        means = [i for i, name in enumerate(names) if name not in terrains]
-        rows = [*terrains, *(names[i] for i in means)]
-        each = product(args.controllers, rows, [args.engine], range(1 + args.starts))
-        written = np.concatenate([episodes, scores[:, means]], axis=1).ravel().tolist()
-        met = np.full((*scores[:, :1].shape[:1], len(rows), 1 + args.starts, 2), np.nan)
-        met[:, : len(terrains)] = times.reshape(*episodes.shape, 2)
-        table_rows = [
-            (*e, *walls, v) for e, walls, v in zip(each, wall_cells(met), written, strict=True)
-        ]
-        write_csv(args.csv, (*COLUMNS, task.quantity), table_rows)
+    means = [i for i, name in enumerate(names) if name not in terrains]
+    grounds = [*terrains, *(names[i] for i in means)]
+    each = product(args.controllers, grounds, [args.engine], range(1 + args.starts))
+    values = np.concatenate([episodes, scores[:, means]], axis=1).ravel().tolist()
+    met = np.full((len(trained), len(grounds), 1 + args.starts, 2), np.nan)
+    met[:, : len(terrains)] = times.reshape(*episodes.shape, 2)
+    rows = [(*e, *walls, v) for e, walls, v in zip(each, wall_cells(met), values, strict=True)]
+    _write(args, (*COLUMNS, task.quantity), rows, task)
     if args.figure:
         from snca_ros.assessment.figures import draw_scores
         from snca_ros.figures import write_figure
 
         write_figure(draw_scores(args.controllers, names, scores, task), args.figure)
     return 0
+
+
+def _write(
+    args: argparse.Namespace, columns: Sequence[str], rows: Sequence[tuple], task: Task
+) -> None:
+    """Write scores to the files of --csv and --json."""
+    if args.csv:
+        write_csv(args.csv, columns, rows)
+    args.write_json({
+        'quantity': task.quantity, 'unit': task.unit, 'duration': args.duration,
+        'scores': [dict(zip(columns, row, strict=True)) for row in rows],
+    })
 
 
 def _kinds(args: argparse.Namespace) -> dict[str, tuple[str, ...]]:
@@ -175,8 +186,7 @@ def _assess_faults(
                     at, trials, wall_cells(times), found.tolist(), strict=True
                 )
             ]
-    if args.csv:
-        write_csv(args.csv, (*fault_sweep.COLUMNS, task.quantity), rows)
+    _write(args, (*fault_sweep.COLUMNS, task.quantity), rows, task)
     if args.figure:
         from snca_ros.assessment.figures import draw_sweeps
         from snca_ros.figures import write_figure

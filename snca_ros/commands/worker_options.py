@@ -1,12 +1,12 @@
 """The options for workers of the commands `evolve`, `campaign` and `assess`."""
 
 import argparse
-import os
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 from sim_node.model.constants import Checked, constant, declaration
 from snca_ros.commands.declared_options import add_option
+from snca_ros.evolution.processors import available_processors
 from snca_ros.evolution.workers import Workers, cluster_workers, local_workers
 
 
@@ -14,13 +14,14 @@ from snca_ros.evolution.workers import Workers, cluster_workers, local_workers
 class WorkerOptions(Checked):
     """Options of workers on this machine."""
 
-    workers: int = constant(os.cpu_count() or 1, 1, 10_000, 'number of worker processes')
+    workers: int = constant(available_processors(), 1, 10_000, 'number of worker processes')
 
 
 def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options that `open_workers` needs."""
     text = declaration(WorkerOptions, 'workers').metadata['text']
-    add_option(parser, WorkerOptions, 'workers', help=f'{text} (default: all cores)')
+    add_option(parser, WorkerOptions, 'workers',
+               help=f'{text} (default: one per processor that this process may use)')
     parser.add_argument('--scheduler', metavar='ADDRESS',
                         help='use the workers of this Dask scheduler, such as tcp://HOST:8786')
 

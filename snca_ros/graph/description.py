@@ -128,9 +128,11 @@ def describe_graph(
         options: of the walk.
 
     Raises:
-        InvalidInput: the robot's name is no ROS name, `only` names no voxels of this robot, or a
-            process would refuse its parameters.
+        InvalidInput: the robot's name is no ROS name, a path is not UTF-8, `only` names no voxels
+            of this robot, or a process would refuse its parameters.
     """
+    for name, path in (('controller', str(controller)), ('bag', options.bag)):
+        _check_utf8(name, os.path.abspath(path))
     morphology = trained.morphology
     _check_parameters(trained, options)
     k = options.voxels_per_process
@@ -171,7 +173,15 @@ def _check_parameters(trained: TrainedController, options: WalkOptions) -> None:
     BodyFaults(trained.morphology, FaultsOfBody(**options.faults.of_body), n_sensors)
     CellFaults(options.faults, trained.morphology)
     if options.bag:
-        check_new_bag(Path(options.bag))
+        check_new_bag(Path(options.bag), options.storage)
+
+
+def _check_utf8(name: str, path: str) -> None:
+    try:
+        path.encode()
+    except UnicodeEncodeError:
+        expected = 'a path in UTF-8, as ROS parameters are'
+        raise InvalidInput(name, path, expected) from None
 
 
 def choose_voxels(morphology: Morphology, only: str) -> tuple[str, ...]:

@@ -95,10 +95,7 @@ class ViewOptions(Checked):
         InvalidInput: a value has the wrong type or is out of range.
     """
 
-    view: int = constant(
-        8765, 0, 65535, 'show the walk live on a web page of this machine, at this port, in real '
-        'time unless --real-time FACTOR is given'
-    )
+    port: int = constant(8765, 0, 65535, 'port of the live page, 0 for a free one')
 
 
 VOXEL = Parameters(VoxelOptions)

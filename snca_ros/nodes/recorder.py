@@ -65,14 +65,15 @@ class RecorderNode(RosNode):
         self._topics: set[str] = set()
         self._unrecorded: dict[str, str] = {}  # their types
         self._last_message = 0.0
-        self._writer = self._open(Path(options.bag), StoragePlugin[options.storage.upper()])
+        self._writer = self._open(Path(options.bag), options.storage)
         self._newest_topic = time.monotonic()
         self._discovery_timer = self.create_timer(_DISCOVERY_PERIOD, self._discover_topics)
         self.create_timer(_FLUSH_PERIOD, self._flush)
 
-    def _open(self, path: Path, storage: StoragePlugin) -> Writer:
-        check_new_bag(path)
-        writer = Writer(path, version=Writer.VERSION_LATEST, storage_plugin=storage)
+    def _open(self, path: Path, storage: str) -> Writer:
+        check_new_bag(path, storage)
+        plugin = StoragePlugin[storage.upper()]
+        writer = Writer(path, version=Writer.VERSION_LATEST, storage_plugin=plugin)
         writer.open()
         self.get_logger().info(f'recording into {path}')
         return writer

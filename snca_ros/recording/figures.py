@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from sim_node.control_time import CONTROL_RATE, steps_in
+from snca_ros.figures import own_style
 from snca_ros.recording.bag import Recording
 from snca_ros.recording.gait import area_ratios, spike_times
 
@@ -16,6 +17,7 @@ _BLUE, _GREY = '#0072B2', '0.55'
 _AREA_RANGE = 0.25
 
 
+@own_style()
 def draw_recording(recording: Recording) -> Figure:
     """Return a figure of three panels: trajectory, area ratios, raster of messages.
 

@@ -1,6 +1,7 @@
 """Files appear whole or not at all, whatever happens while they are written."""
 
 import errno
+import fcntl
 import os
 import signal
 import stat
@@ -17,6 +18,7 @@ from sim_node.errors import InvalidInput
 from snca_ros.files import (
     check_new_bag,
     check_writable,
+    hold_folder,
     is_temporary,
     remove_stale,
     short_name,
@@ -288,9 +290,39 @@ def test_where_a_bag_cannot_be_made(tmp_path, monkeypatch):
         ('/proc/nowhere/bag', 'can be written'),
     ):
         with pytest.raises(InvalidInput, match=reason):
-            check_new_bag(tmp_path / name)
-    check_new_bag(tmp_path / 'new' / 'bag')
+            check_new_bag(tmp_path / name, 'mcap')
+    check_new_bag(tmp_path / 'new' / 'bag', 'sqlite3')
+    check_new_bag(tmp_path / 'a#%?', 'mcap')
+    with pytest.raises(InvalidInput, match=r"a#b', expected a path without # % \?, or"):
+        check_new_bag(tmp_path / 'a#b', 'sqlite3')
     monkeypatch.setattr(snca_ros.files, 'RESERVE', 10**18)
     with pytest.raises(InvalidInput, match='of free space'):
-        check_new_bag(tmp_path / 'bag')
+        check_new_bag(tmp_path / 'bag', 'mcap')
     assert names(tmp_path) == ['file', 'there']
+
+
+def test_text_with_names_of_files_that_are_not_utf8_is_written_in_utf8(tmp_path):
+    write_text(tmp_path / 'page.html', '→ a\udcff')
+    assert (tmp_path / 'page.html').read_text(encoding='utf-8') == '→ a\\udcff'
+
+
+@pytest.mark.parametrize(('number', 'in_use'), [
+    (errno.EWOULDBLOCK, True), (errno.EACCES, True), (errno.ENOLCK, False), (errno.ENOSYS, False),
+    (errno.EOPNOTSUPP, False),
+])
+def test_a_file_system_without_locks_is_not_a_folder_in_use(
+    number, in_use, tmp_path, monkeypatch, capsys
+):
+    def flock(file, operation):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(fcntl, 'flock', flock)
+    if in_use:
+        with pytest.raises(InvalidInput, match='a folder in use'):
+            hold_folder(tmp_path, 'run')
+    else:
+        hold_folder(tmp_path, 'run').close()
+        assert capsys.readouterr().err == (
+            f'warning: {tmp_path} cannot be locked ({os.strerror(number)}): make sure that no '
+            'other process works on this folder\n'
+        )

@@ -69,7 +69,7 @@ WRONG = {
     'evaluations': [None, 0, 1.5, True, '10', 10**400],
     'seed': [None, -1, 1.5, True, 2**32],
     'population': [None, 3, 36.0, False],
-    'sigma': [None, -1, float('nan'), 'x', True, 10**400],
+    'sigma': [None, 0, -1, float('nan'), 'x', True, 10**400],
     'duration': [None, 0, float('inf'), '30'],
     'transient': [None, -1, 31, float('nan')],
     'engine': [None, 3, [], 'batch'],
