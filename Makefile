@@ -36,7 +36,7 @@ lint: $(TOOLS)  ## style and types
 	$(BIN)/mypy
 
 unit: $(TOOLS)  ## the tests: unit tests, then graphs of real processes
-	$(BIN)/python -m pytest -n auto --dist loadfile test --ignore=test/graph
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder test --ignore=test/graph
 	$(BIN)/python -m pytest -n auto --dist worksteal test/graph
 
 oldest:  ## tests of what the oldest supported numpy, matplotlib, scipy and numba must do

@@ -21,11 +21,10 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import rclpy  # noqa: F401  # the voxels are forks that have it
 from rosbags.rosbag2 import Reader
 
 from benchmarks.graph import Observer, memory, write_controller
-from sim_node.control_time import CONTROL_RATE, step_of_stamp
+from sim_node.control_time import step_of_stamp, steps_in
 from sim_node.model.morphology import parse_morphology
 from snca_ros.controller_file import load_controller
 from snca_ros.graph.description import Graph, WalkOptions, describe_graph
@@ -166,7 +165,7 @@ def soak(shape: str, minutes: float, kill_every: float, seed: int) -> dict:
         bag = Path(folder) / 'bag'
         result = walk(write_controller(Path(folder), shape), bag, minutes, kill_every, seed)
         names = parse_morphology(shape).voxel_names
-        n_steps = round(60.0 * minutes * CONTROL_RATE)
+        n_steps = steps_in(60.0 * minutes)
         result['messages'] = account(count_steps(bag, n_steps), names, result['kills'])
     result['processes'] = growth(result.pop('samples'))
     flat = all(

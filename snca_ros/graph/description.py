@@ -9,16 +9,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from sim_node.engine import DEFAULT_ENGINE
+from sim_node.engine import DEFAULT_ENGINE, check_engine
 from sim_node.errors import InvalidInput
+from sim_node.model.body_faults import BodyFaults, FaultsOfBody
 from sim_node.model.constants import Checked, constant, same_as
 from sim_node.model.morphology import DIRECTIONS, Morphology
+from sim_node.model.terrain import parse_terrain
 from sim_node.ros.sim_interface import SIM_NODE, RunOptions
 from snca_ros.controller_file import TrainedController
-from snca_ros.faults import NO_FAULTS, Faults
+from snca_ros.faults import NO_FAULTS, CellFaults, Faults
+from snca_ros.files import check_new_bag, short_name
 from snca_ros.nodes.interfaces import RECORDER_NODE, VOXEL_NODE, RecorderOptions
+from snca_ros.yaml_file import yaml_text
+
+_LONGEST_NAME = 80  # of a default namespace; ROS allows 247 characters for a whole topic
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +78,7 @@ class Graph:
         for process in self.processes:
             for name, values in process.parameters.items():
                 nodes[f'/{self.robot}/{name}'] = {'ros__parameters': values}
-        return yaml.safe_dump(nodes, sort_keys=False)
+        return yaml_text(nodes)
 
 
 @dataclass(frozen=True)
@@ -124,9 +128,13 @@ def describe_graph(
         options: of the walk.
 
     Raises:
-        InvalidInput: the robot's name is no ROS name, or `only` names no voxels of this robot.
+        InvalidInput: the robot's name is no ROS name, a path is not UTF-8, `only` names no voxels
+            of this robot, or a process would refuse its parameters.
     """
+    for name, path in (('controller', str(controller)), ('bag', options.bag)):
+        _check_utf8(name, os.path.abspath(path))
     morphology = trained.morphology
+    _check_parameters(trained, options)
     k = options.voxels_per_process
     robot = options.robot or robot_name(morphology)
     if not (robot.isascii() and robot.isidentifier()):
@@ -153,6 +161,27 @@ def describe_graph(
         ),
         recorder,
     )
+
+
+def _check_parameters(trained: TrainedController, options: WalkOptions) -> None:
+    """Check what the processes check when they start, so that none is started in vain."""
+    parse_terrain(options.terrain or trained.terrain)
+    check_engine(options.engine or DEFAULT_ENGINE, trained.solver)
+    run = {'duration': options.duration, 'real_time_factor': options.real_time_factor}
+    RunOptions(**{**run, **options.simulation})
+    n_sensors = len(trained.architecture.sensors)
+    BodyFaults(trained.morphology, FaultsOfBody(**options.faults.of_body), n_sensors)
+    CellFaults(options.faults, trained.morphology)
+    if options.bag:
+        check_new_bag(Path(options.bag), options.storage)
+
+
+def _check_utf8(name: str, path: str) -> None:
+    try:
+        path.encode()
+    except UnicodeEncodeError:
+        expected = 'a path in UTF-8, as ROS parameters are'
+        raise InvalidInput(name, path, expected) from None
 
 
 def choose_voxels(morphology: Morphology, only: str) -> tuple[str, ...]:
@@ -216,4 +245,5 @@ def _voxel_parameters(
 def robot_name(morphology: Morphology) -> str:
     """Return the default namespace of a robot of this shape."""
     text = ''.join(c if c.isascii() and c.isalnum() else '_' for c in morphology.name)
-    return text if text[:1].isalpha() else f'robot_{text}'
+    text = text if text[:1].isalpha() else f'robot_{text}'
+    return short_name(text, _LONGEST_NAME).replace('-', '_')

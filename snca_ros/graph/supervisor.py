@@ -9,14 +9,16 @@ from typing import Protocol
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 
 from sim_node.control_time import CONTROL_RATE
+from sim_node.ros.context import start_ros
 from sim_node.ros.interface import DIAGNOSTICS
+from sim_node.ros.stop_signals import StopRequest
 from snca_ros.graph.description import Graph, NodeProcess, WalkOptions
 from snca_ros.graph.environment import graph_environment
 from snca_ros.graph.network import await_network
 from snca_ros.graph.processes import RunningGraph
+from snca_ros.progress import StatusLine
 
 _POLL_PERIOD = 0.2  # seconds between checks whether a process has ended
 
@@ -52,13 +54,16 @@ def supervise_walk(
 
     Returns:
         0, or 1 if a process failed.
+
+    Raises:
+        KeyboardInterrupt: SIGINT or SIGTERM has ended the walk.
     """
     environment = graph_environment('network' if options.only else 'loopback')
     os.environ.update(environment)
     if options.only:
         await_network()
-    with RunningGraph(graph, environment) as running:
-        return _watch_walk(running, options, respawn, open_view)
+    with StopRequest() as stop, RunningGraph(graph, environment) as running:
+        return _watch_walk(running, stop, options, respawn, open_view)
 
 
 def supervise_voxels(graph: Graph, respawn: bool = False) -> int:
@@ -70,12 +75,15 @@ def supervise_voxels(graph: Graph, respawn: bool = False) -> int:
 
     Returns:
         0, or 1 if a voxel failed.
+
+    Raises:
+        KeyboardInterrupt: SIGINT or SIGTERM has ended the voxels.
     """
     environment = graph_environment('network')
     os.environ.update(environment)
     await_network()
-    with RunningGraph(graph, environment) as running:
-        return _watch_voxels(running, respawn)
+    with StopRequest() as stop, RunningGraph(graph, environment) as running:
+        return _watch_voxels(running, stop, respawn)
 
 
 class _Watch:
@@ -113,7 +121,7 @@ class _Progress:
 
     def __init__(self, node: Node, robot: str, duration: float) -> None:
         self._name, self._duration, self._steps = f'/{robot}/sim_node', duration, 0
-        self._live = sys.stderr.isatty()
+        self._line = StatusLine()
         node.create_subscription(DiagnosticArray, DIAGNOSTICS.name, self._note, 10)
 
     def _note(self, message: DiagnosticArray) -> None:
@@ -125,20 +133,16 @@ class _Progress:
 
     def show(self) -> None:
         """Show the simulated time so far."""
-        self._print(self._steps / CONTROL_RATE, end='')
+        self._line.show(f'{self._steps / CONTROL_RATE:7.1f} of {self._duration:g} s')
 
     def finish(self) -> None:
-        """Show that the walk has ended."""
-        self._print(self._duration, end='\n')
-
-    def _print(self, time: float, end: str) -> None:
-        if self._live:
-            text = f'\r{time:7.1f} of {self._duration:g} s'
-            print(text, end=end, file=sys.stderr, flush=True)
+        """Remove the line, since the walk has ended."""
+        self._line.clear()
 
 
 def _watch_walk(
     running: RunningGraph,
+    stop: StopRequest,
     options: WalkOptions,
     respawn: bool,
     open_view: Callable[[RunningGraph], View] | None,
@@ -146,8 +150,7 @@ def _watch_walk(
     graph, watch, view = running.graph, _Watch(running, respawn), None
     assert graph.simulation is not None
     arguments = ['--ros-args', '--enclave', graph.enclave('walk')]
-    # All forks were made before this: they must not inherit a ROS context.
-    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    start_ros(arguments)
     try:
         node = rclpy.create_node('walk', namespace=f'/{graph.robot}', enable_rosout=False)
         progress = _Progress(node, graph.robot, options.duration)
@@ -155,6 +158,7 @@ def _watch_walk(
             view = open_view(running)
             print(f'live view: {view.address}', file=sys.stderr, flush=True)
         while running.exit_code(graph.simulation) is None:
+            stop.raise_if_requested()
             rclpy.spin_once(node, timeout_sec=0.0 if view else _POLL_PERIOD)
             if view:
                 view.spin_once()
@@ -187,10 +191,11 @@ def _can_continue(graph: Graph, watch: _Watch, real_time: bool) -> bool:
     return True
 
 
-def _watch_voxels(running: RunningGraph, respawn: bool) -> int:
+def _watch_voxels(running: RunningGraph, stop: StopRequest, respawn: bool) -> int:
     """Wait until a voxel ends because its simulation has ended, or until all voxels have failed."""
     watch = _Watch(running, respawn)
     while len(watch.given_up) < len(running.graph.voxels):
+        stop.raise_if_requested()
         time.sleep(_POLL_PERIOD)
         for process, code in watch.ended():
             if code == 0:

@@ -5,7 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
-from sim_node.control_time import CONTROL_RATE
+from sim_node.control_time import CONTROL_RATE, steps_in
+from snca_ros.figures import own_style
 from snca_ros.recording.bag import Recording
 from snca_ros.recording.gait import area_ratios, spike_times
 
@@ -16,6 +17,7 @@ _BLUE, _GREY = '#0072B2', '0.55'
 _AREA_RANGE = 0.25
 
 
+@own_style()
 def draw_recording(recording: Recording) -> Figure:
     """Return a figure of three panels: trajectory, area ratios, raster of messages.
 
@@ -25,7 +27,7 @@ def draw_recording(recording: Recording) -> Figure:
     figure = Figure(figsize=(10.0, 3.6 + 0.55 * n_rows), layout='constrained')
     heights = [2.0, 0.6 + 0.2 * n_rows, 0.6 + 0.35 * n_rows]
     trajectory, areas, messages = figure.subplots(3, 1, height_ratios=heights)
-    first = max(0, recording.n_steps - 1 - round(WINDOW * CONTROL_RATE))
+    first = max(0, recording.n_steps - 1 - steps_in(WINDOW))
     _draw_trajectory(trajectory, recording)
     _draw_areas(areas, recording, first)
     _draw_messages(messages, recording, first)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sim_node.control_time import CONTROL_RATE
+from sim_node.control_time import steps_in
 from sim_node.errors import InvalidInput
 from sim_node.simulation import Diverged, Simulation
 from snca_ros.controller import Controller
@@ -87,7 +87,7 @@ def record_episode(
     """
     if record:
         centers, arrays, diverged = _recorded(
-            simulation, controller, round(duration * CONTROL_RATE), record
+            simulation, controller, steps_in(duration), record
         )
     else:
         episode = run_episode(simulation, controller, duration)
@@ -95,7 +95,7 @@ def record_episode(
     names = simulation.morphology.voxel_names
     return RecordedEpisode(
         centers, diverged, name or simulation.morphology.name, names,
-        {key: arrays.get(key) for key in record}, simulation.sensors,
+        {key: arrays.get(key) for key in record}, simulation.sensors, walls=simulation.walls,
     )
 
 

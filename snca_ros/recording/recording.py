@@ -8,6 +8,7 @@ import numpy as np
 from sim_node.control_time import CONTROL_RATE
 from sim_node.model.physics import UNNAMED_PHYSICS
 from sim_node.model.sensors import DEFAULT_SENSORS
+from sim_node.model.walls import NO_WALLS, Walls, walls_in_outlines
 from snca_ros.recording.diagnostics import NodeHealth
 from snca_ros.recording.gait import walked_velocity
 from snca_ros.recording.poses import Poses
@@ -105,9 +106,20 @@ class Recording:
         return np.arange(self.n_steps) / CONTROL_RATE
 
     @property
+    def walls(self) -> Walls:
+        """Return the walls that the robot met; none if there are no poses."""
+        if self.poses is None:
+            return NO_WALLS
+        feet = self.poses.ground[[1, -2], 0]
+        return walls_in_outlines(self.poses.steps, self.poses.corners, feet)
+
+    @property
     def v_x(self) -> float:
-        """Return the mean velocity [m/s] after the first 5 s, or of all of a shorter walk."""
-        return walked_velocity(self.centers[:, 0])
+        """Return the mean velocity [m/s] after the first 5 s, or of all of a shorter walk.
+
+        It is measured until the robot meets the wall at the end of the ground, see `walls`.
+        """
+        return walked_velocity(self.walls.free_part(self.centers[:, 0]))
 
     def __repr__(self) -> str:
         kinds = [kind for kind in ('spikes', 'values', 'poses') if getattr(self, kind) is not None]
@@ -115,5 +127,5 @@ class Recording:
         return (
             f"Recording('{self.path}': {self.robot}, {len(self.voxel_names)} voxels, "
             f'{self.n_steps} steps, {self.times[-1]:.1f} s{episode}, v_x {self.v_x:.3f} m/s'
-            f'{"".join(f", {kind}" for kind in kinds)})'
+            f'{"".join(f", {one}" for one in [*self.walls.describe(), *kinds])})'
         )

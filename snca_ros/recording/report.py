@@ -5,7 +5,6 @@ import math
 import numpy as np
 
 from sim_node.control_time import CONTROL_RATE
-from snca_ros.evolution.episode import TRANSIENT
 from snca_ros.recording.bag import Recording, TopicCount
 from snca_ros.recording.diagnostics import OUTCOMES
 from snca_ros.recording.gait import Gait
@@ -33,6 +32,7 @@ def as_dict(recording: Recording, gait: Gait) -> dict[str, object]:
         'v_x': _number(gait.velocity),
         'distance': gait.distance,
         'duration': gait.duration,
+        'walls_met': dict(zip(('behind', 'ahead'), gait.walls.times, strict=True)),
         'frequency': gait.frequency,
         'steps_per_second': _number(recording.rate),
         'voxels': {
@@ -78,10 +78,10 @@ def _gait_lines(recording: Recording, gait: Gait) -> list[str]:
         lines.append('the recorder did not close this bag: the report is of what it had written')
     if recording.n_episodes > 1:
         lines.append(f'episode {recording.episode} of 0 to {recording.n_episodes - 1} (resets)')
-    scored = f'after the first {TRANSIENT:g} s' if gait.duration > TRANSIENT else 'whole walk'
     lines += [
-        f'v_x        {gait.velocity!r} m/s ({scored})',
+        f'v_x        {gait.velocity!r} m/s ({gait.scored})',
         f'distance   {gait.distance:.3f} m in {gait.duration:.3f} s',
+        *(f'wall       {text}' for text in gait.walls.describe()),
         f'physics    {recording.physics}',
         f'rhythm     {gait.frequency:.2f} Hz, the dominant frequency of the actuation',
     ]

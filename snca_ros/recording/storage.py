@@ -5,6 +5,7 @@ import io
 import operator
 import sqlite3
 import struct
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ from mcap.stream_reader import StreamReader
 from rosbags.rosbag2 import Reader
 
 from sim_node.errors import InvalidInput
+from snca_ros.files import NOT_IN_SQLITE
 
 _EXPECTED = 'a rosbag2 folder with metadata.yaml and .mcap or .db3 files'
 
@@ -83,6 +85,18 @@ def read_storage(path: Path) -> tuple[dict[str, Topic], bool]:
 
 def _read_closed(source: Path, found: _Contents) -> None:
     """Read the folder of a closed bag, or an sqlite3 file."""
+    files = [source] if source.is_file() else sorted(source.glob('*.db3'))
+    if any(NOT_IN_SQLITE.intersection(str(file.absolute())) for file in files):
+        with tempfile.TemporaryDirectory(prefix='snca_ros_') as folder:
+            for i, file in enumerate(files):
+                link = Path(folder) / f'{i}.db3'
+                link.symlink_to(file.absolute())
+                _read_by_rosbags(link, found)
+    else:
+        _read_by_rosbags(source, found)
+
+
+def _read_by_rosbags(source: Path, found: _Contents) -> None:
     with Reader(source) as reader:
         for connection in reader.connections:
             found.add_topic(connection.topic, connection.msgtype)

@@ -12,7 +12,6 @@ import numpy as np
 from sim_node.control_time import CONTROL_RATE, MARKER_PERIOD
 from sim_node.model.terrain import Terrain
 from snca_ros.controller_file import TrainedController
-from snca_ros.evolution.episode import TRANSIENT
 from snca_ros.recording.bag import Recording
 from snca_ros.recording.gait import measure_gait
 from snca_ros.web.frames import Frames, make_frames
@@ -120,11 +119,12 @@ def _asset(name: str) -> str:
 
 def _gait(recording: Recording) -> str:
     gait = measure_gait(recording)
-    scored = f' after the first {TRANSIENT:g} s' if gait.duration > TRANSIENT else ''
-    return (
-        f'v_x {gait.velocity:.3f} m/s{scored}, {gait.distance:.1f} m in {gait.duration:.1f} s, '
-        f'rhythm {gait.frequency:.2f} Hz'
-    )
+    facts = [
+        f'v_x {gait.velocity:.3f} m/s ({gait.scored})',
+        f'{gait.distance:.1f} m in {gait.duration:.1f} s', f'rhythm {gait.frequency:.2f} Hz',
+        *gait.walls.describe(),
+    ]
+    return ', '.join(facts)
 
 
 def _notes(recording: Recording, frames: Frames) -> list[str]:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.limits import LIMIT
 
 from sim_node.simulation import Simulation
 from snca_ros.controller_file import load_controller
@@ -43,7 +44,7 @@ def walk(path, bag, voxels_per_process, terrain='flat', engine='', faults=NONE):
     )
     graph = describe_graph(path, load_controller(path), options)
     with RunningGraph(graph, {}) as running:
-        assert running.wait(graph.simulation, 90.0) == 0
+        assert running.wait(graph.simulation, LIMIT) == 0
     return read_bag(bag)
 
 

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.limits import LIMIT
 
 import snca_ros
 from sim_node.model.constants import shown, values_of
@@ -23,7 +24,7 @@ def python_m_snca_ros(*arguments, **options):
     return subprocess.run(
         [sys.executable, '-m', 'snca_ros', *arguments],
         env={**os.environ, 'PYTHONPATH': str(ROOT)},
-        text=True, timeout=300, check=False, **options,
+        text=True, timeout=LIMIT, check=False, **options,
     )
 
 

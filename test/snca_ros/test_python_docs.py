@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+from support.limits import LIMIT
 from support.paths import ROOT
 from support.synthetic_bag import Walk, messages_of_walk, write_messages
 
@@ -123,7 +124,7 @@ def test_the_notebook_runs(tmp_path):
     environment = {**os.environ, 'PYTHONPATH': str(ROOT), 'MPLBACKEND': 'Agg'}
     found = subprocess.run(
         [sys.executable, '-W', 'error::UserWarning', '-c', runner], check=False, cwd=tmp_path,
-        env=environment, capture_output=True, text=True, timeout=600,
+        env=environment, capture_output=True, text=True, timeout=LIMIT,
     )
     assert found.returncode == 0, found.stderr
     assert re.search(r'^v_x \d+\.\d\d m/s, rhythm \d+\.\d\d Hz$', found.stdout, re.MULTILINE)

@@ -7,18 +7,22 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from support.limits import LIMIT
+
+SERVER = 'fork_server'  # name of the parent of a walk's nodes
 TICK = threading.Event()
-LIMIT = 300.0  # s; only a hang reaches it
 
 
 def wait_until(
     condition: Callable[[], object], what: str = 'a condition', limit: float = LIMIT
 ) -> object:
     """Poll a condition until it is true; return its value."""
-    end = time.monotonic() + limit
+    begin = now = time.monotonic()
     while not (found := condition()):
-        assert time.monotonic() < end, f'waited in vain for {what}'
-        TICK.wait(0.02)
+        asked, now = now, time.monotonic()
+        assert now < begin + limit, f'waited in vain for {what}'
+        TICK.wait(max(0.02, 3.0 * (now - asked)))  # leaves the machine to those it waits for
+        now = time.monotonic()
     return found
 
 
@@ -50,6 +54,20 @@ def offspring(pid: int) -> dict[int, str]:
     return found
 
 
+def nodes_of(pid: int) -> dict[str, int]:
+    """Return the running node processes of a walk: name to process id."""
+    found = {name_of(child): child for child in offspring(pid)}
+    return {name: child for name, child in found.items() if name not in ('', SERVER)}
+
+
+def name_of(pid: int) -> str:
+    """Return the name of a process, '' if there is none."""
+    try:
+        return Path(f'/proc/{pid}/comm').read_text().strip()
+    except OSError:
+        return ''
+
+
 def is_alive(pid: int, started: str | None = None) -> bool:
     """Return whether a process runs, which began at `started` if given; a zombie does not."""
     stat = stat_of(pid)
@@ -62,7 +80,7 @@ def wait_until_gone(processes: dict[int, str]) -> None:
         return [pid for pid, started in processes.items() if is_alive(pid, started)]
 
     try:
-        wait_until(lambda: not alive(), f'the end of {sorted(processes)}', limit=60.0)
+        wait_until(lambda: not alive(), f'the end of {sorted(processes)}', limit=LIMIT)
     finally:
         for pid in alive():
             os.kill(pid, signal.SIGKILL)
