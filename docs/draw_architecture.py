@@ -82,11 +82,11 @@ ROOMS = {
     'errors': Room(
         (
             'sim_node.errors', 'sim_node.registry', 'sim_node.control_time',
-            'sim_node.message_layout',
+            'sim_node.message_layout', 'sim_node.walls',
         ),
         (),
         'What everything uses: bad input, registries, control steps as time stamps, messages as '
-        'bytes.',
+        'bytes, walls that were met.',
     ),
 }
 """All rooms by name, from the top. A room may import those below it, directly or not.

@@ -104,7 +104,6 @@ class SimNode(RosNode):
         self._tick_timer.cancel()
         self._times.restart()
         self._readings = self.simulation.reset()
-        self._n_walls = 0
         self._publish_step()
 
     def _publish_step(self) -> None:
@@ -166,18 +165,11 @@ class SimNode(RosNode):
             self.fail(f'the physics diverged: {error}')
             return
         self.count('steps')
-        self._report_walls()
         if self.simulation.step_count > START_STEPS:
             self._times.note(time.monotonic())
         self._publish_step()
         if self._real_time and self.simulation.step_count == START_STEPS and not self.paused:
             self._run_freely()
-
-    def _report_walls(self) -> None:
-        """Log each wall once, when the robot meets it."""
-        for text in self.simulation.walls.describe()[self._n_walls :]:
-            self.get_logger().warning(f'the robot {text}')
-            self._n_walls += 1
 
     def _run_freely(self) -> None:
         """Start the deadlines of real time, at the beginning or after a pause."""
@@ -260,7 +252,8 @@ class SimNode(RosNode):
         if waiting and self.listening.now() - self._waiting_since > _SLOW:
             missing = ', '.join(self._answers.missing)
             return DiagnosticStatus.WARN, f'step {step} waits for {missing}'
-        return DiagnosticStatus.OK, f'running, step {step}'
+        text = ', '.join([f'running, step {step}', *self.simulation.walls.describe()])
+        return DiagnosticStatus.OK, text
 
     def publish_diagnostics(self) -> None:
         """Publish the state, unless another simulation of this name does."""

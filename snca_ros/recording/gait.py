@@ -9,7 +9,7 @@ import numpy as np
 
 from sim_node.control_time import CONTROL_RATE, steps_in
 from sim_node.model.sensors import DEFAULT_SENSORS, SENSORS
-from sim_node.model.walls import Walls
+from sim_node.walls import Walls
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.evolution.episode import TRANSIENT, mean_velocity
 

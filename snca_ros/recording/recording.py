@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from sim_node.control_time import CONTROL_RATE
+from sim_node.model.meetings import walls_in_outlines
 from sim_node.model.physics import UNNAMED_PHYSICS
 from sim_node.model.sensors import DEFAULT_SENSORS
-from sim_node.model.walls import NO_WALLS, Walls, walls_in_outlines
+from sim_node.walls import NO_WALLS, Walls
 from snca_ros.recording.diagnostics import NodeHealth
 from snca_ros.recording.gait import walked_velocity
 from snca_ros.recording.poses import Poses

@@ -9,7 +9,7 @@ from sim_node.control_time import CONTROL_RATE, steps_in
 from sim_node.drawing import area_colors
 from sim_node.errors import InvalidInput
 from sim_node.model.terrain import Terrain
-from sim_node.model.walls import Walls
+from sim_node.walls import Walls
 from snca_ros.controller_file import TrainedController
 from snca_ros.recording.bag import Recording, read_bag
 from snca_ros.recording.gait import area_ratios, bridge_gaps
