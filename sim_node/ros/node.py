@@ -56,7 +56,6 @@ class SimNode(RosNode):
         self._voxels = self.simulation.morphology.voxel_names
         warm_up('simulation', lambda: self.simulation.step(np.zeros(len(self._voxels))))
         self._make_topics()
-        create_services(self, self)
         duration = self._options.duration
         self._last_step = steps_in(duration) if duration else None
         factor = self._options.real_time_factor
@@ -72,7 +71,8 @@ class SimNode(RosNode):
         self._tick_timer = self.create_timer(1.0, self._tick, autostart=False)
         self.create_timer(_WATCH_PERIOD, self._watch)
         self._start.begin_when_possible(
-            self._begin_first, lambda: self._broadcast.unrecorded_topics(self._options.recorders),
+            self._offer, self.begin,
+            lambda: self._broadcast.unrecorded_topics(self._options.recorders),
             self._options.start_limit,
         )
 
@@ -90,9 +90,9 @@ class SimNode(RosNode):
         """Return the present control step."""
         return self.simulation.step_count
 
-    def _begin_first(self) -> None:
+    def _offer(self) -> None:
         self._broadcast.settle()
-        self.begin()
+        create_services(self, self)
 
     def begin(self) -> None:
         """Begin an episode: put the robot down, wait for every voxel again, publish step 0."""
