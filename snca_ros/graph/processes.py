@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
+from snca_ros.files import write_text
 from snca_ros.graph.child_process import PARENT, name_process
 from snca_ros.graph.description import Graph, NodeProcess
 from snca_ros.graph.executables import run_node
@@ -117,7 +118,7 @@ class RunningGraph:
         self._children: dict[NodeProcess, _Fork | subprocess.Popen] = {}
 
     def __enter__(self) -> 'RunningGraph':
-        self._params.write_text(self.graph.parameters_yaml())
+        write_text(self._params, self.graph.parameters_yaml())
         if _can_fork():
             importlib.import_module('snca_ros.nodes.voxel')
             gc.collect()
