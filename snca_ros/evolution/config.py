@@ -25,7 +25,7 @@ from snca_ros.evolution.tasks import DEFAULT_TASK, TASKS, check_task
 from snca_ros.files import short_name
 from snca_ros.yaml_file import read_yaml, yaml_text
 
-_LONGEST_NAME = 200  # bytes; a file name may have 255, and adds an ending to it
+_LONGEST_NAME = 180  # bytes; names of files add an ending to it, and may have 255
 
 _LATER = ('task',)
 """Keys that the config.yaml of an earlier version may lack. They are first in the file, so that one
