@@ -24,8 +24,8 @@ def read_campaign(path: Path) -> list[RunConfig]:
     """Return the configurations of a campaign file's runs, each once, in the order of their seeds.
 
     Each key has a value or a list of values. Each of the `cases` is the product of its own lists
-    and of those outside `cases`; without `cases`, the file is one product. The defaults are those of
-    `evolve`.
+    and of those outside `cases`; without `cases`, the file is one product. The defaults are those
+    of `evolve`.
 
     Raises:
         InvalidInput: the file cannot be read, or a key or value in it is invalid.

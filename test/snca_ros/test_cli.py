@@ -58,7 +58,8 @@ def test_command_lines_are_read_in_commands_alone():
     assert elsewhere == {'snca_ros/command_line.py', 'snca_ros/nodes/voxel.py'}
     commands = {f'snca_ros/commands/{name}.py' for name in cli.COMMANDS}
     assert readers - elsewhere == {
-        *commands, 'snca_ros/commands/declared_options.py', 'snca_ros/commands/worker_options.py',
+        *commands, 'snca_ros/commands/declared_options.py', 'snca_ros/commands/json_output.py',
+        'snca_ros/commands/worker_options.py',
     }
 
 
@@ -191,6 +192,51 @@ def test_wrong_options_are_one_line(arguments, hint, capsys):
     assert out == ''
     assert err.count('\n') == 1
     assert hint in err
+
+
+@pytest.mark.parametrize(('words', 'values', 'warning'), [
+    ('walk --view NAME', {'controller': 'NAME', 'view': True, 'port': None}, ''),
+    ('walk --real-time NAME', {'controller': 'NAME', 'real_time': True}, ''),
+    ('report --html BAG', {'bag': Path('BAG'), 'html': True, 'page': None}, ''),
+    ('walk --port 80 NAME', {'controller': 'NAME', 'port': 80}, ''),
+    ('walk --view 80 NAME', {'controller': 'NAME', 'port': 80}, '--port 80'),
+    ('walk NAME --view=80', {'controller': 'NAME', 'port': 80}, '--port 80'),
+    ('walk NAME --real-time 0.5', {'real_time_factor': 0.5}, '--real-time-factor 0.5'),
+    ('walk --view --real-time 2 NAME', {'controller': 'NAME', 'view': True,
+                                        'real_time_factor': 2.0}, '--real-time-factor 2'),
+    ('report --html walk.html BAG', {'bag': Path('BAG'), 'page': Path('walk.html')},
+     '--page walk.html'),
+    ('report BAG --html=page', {'bag': Path('BAG'), 'page': Path('page')}, '--page page'),
+    ('report --html -- walk.html', {'bag': Path('walk.html'), 'html': True}, ''),
+])
+def test_a_flag_does_not_take_the_next_argument(words, values, warning, capsys):
+    name, *arguments = words.split()
+    parsed = parser_of(name).parse_args(arguments)
+    assert {key: getattr(parsed, key) for key in values} == values
+    err = capsys.readouterr().err
+    assert err.count('\n') == bool(warning)
+    assert f'use {warning}\n' in err if warning else not err
+
+
+COMMANDS_WITH_RESULTS = {
+    'walk', 'evolve', 'history', 'campaign', 'assess', 'study', 'report', 'render',
+}
+
+
+def test_every_command_that_prints_results_writes_them_as_json():
+    found = {
+        name for name in cli.COMMANDS
+        if any('--json' in action.option_strings for action in parser_of(name)._actions)
+    }
+    assert found == COMMANDS_WITH_RESULTS
+
+
+def test_no_option_takes_an_optional_value():
+    """It would swallow a positional argument."""
+    assert [
+        (name, action.dest) for name in cli.COMMANDS for action in parser_of(name)._actions
+        if action.option_strings and action.nargs in ('?', '*')
+    ] == []
 
 
 @pytest.mark.parametrize(('words', 'expected'), [
