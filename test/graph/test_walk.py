@@ -145,7 +145,7 @@ def lost_in_total(output):
 
 def test_real_time_walk_continues_without_a_killed_voxel(start, make_controller, tmp_path):
     child = start(
-        'walk', make_controller('11-10'), '--duration', 6, '--real-time', 2, '--bag', 'bag'
+        'walk', make_controller('11-10'), '--duration', 6, '--real-time-factor', 2, '--bag', 'bag'
     )
     wait_until((tmp_path / 'bag').exists)
     victim = wait_until(lambda: voxel_pid(child.pid, 'voxel_0_1'))
