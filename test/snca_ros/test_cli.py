@@ -13,8 +13,10 @@ import snca_ros
 from sim_node.model.constants import shown, values_of
 from snca_ros import cli
 from snca_ros.bundled import bundled_controllers
+from snca_ros.cell.architecture import Architecture
 from snca_ros.command_line import CommandParser
 from snca_ros.commands.declared_options import DeclaredOption
+from snca_ros.evolution.config import RunConfig
 
 ROOT = Path(snca_ros.__file__).parents[1]
 
@@ -160,6 +162,30 @@ def test_help_has_the_default_of_the_declaration(name):
         if action.dest not in ('real_time', 'workers'):  # lock-step; all cores
             default = shown(action.declared.default)
             assert re.search(rf'\(default {re.escape(default)}[,;)]', action.help), action.dest
+
+
+def test_no_default_is_typed_into_a_help_text():
+    """It is a placeholder of an f-string, or described in words after a colon."""
+    typed = {
+        (path.name, words) for path in (ROOT / 'snca_ros' / 'commands').glob('*.py')
+        for words in re.findall(r"'[^']*\(default ([^:{'][^)]*)\)", path.read_text())
+        if '{' not in words
+    }
+    assert typed == set()
+
+
+def test_help_of_evolve_has_the_defaults_that_it_uses():
+    config = RunConfig.named()
+    cell = config.architecture
+    helps = {action.dest: action.help for action in parser_of('evolve')._actions}
+    for option, default in {
+        'shape': config.shape, 'architecture': cell.name, 'neuron_model': cell.neuron_model,
+        'sensors': ','.join(cell.sensors),
+    }.items():
+        assert f'(default {default})' in helps[option]
+    for name in ('U-nD', 'U-D'):
+        n_c = Architecture.named(name, config.architecture.neuron_model).n_c
+        assert f'{n_c} {name.partition("-")[2]}' in helps['n_c']
 
 
 @pytest.mark.parametrize('name', ['walk', 'evolve', *REQUIRED])
