@@ -14,7 +14,7 @@ from snca_ros.recording.report import as_dict, report_lines
 EXAMPLES = """
   snca report bags/mine
   snca report bags/mine --json walk.json --figure walk.svg
-  snca report bags/mine --json - | jq .v_x
+  snca report bags/mine --json - > walk.json        # text goes to standard error
   snca report bags/mine --html                      # a page that plays the walk
   snca report bags/mine --episode 0                 # of a bag with resets
 """

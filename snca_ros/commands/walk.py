@@ -27,6 +27,7 @@ from snca_ros.commands.report import print_report
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.episode import run_episode
 from snca_ros.faults import FAULTS_HELP, Faults, parse_faults
+from snca_ros.files import BAGS
 from snca_ros.graph.description import Graph, WalkOptions, describe_graph, robot_name
 from snca_ros.graph.live_view import LiveView
 from snca_ros.graph.lookout import Lookout
@@ -77,7 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_option(parser, ViewOptions, 'port', default=None, metavar='PORT',
                help=f'{help_of(ViewOptions, "port")}; implies --view')
     record = parser.add_mutually_exclusive_group()
-    record.add_argument('--bag', type=Path, help='bag to write (default bags/<robot>-<time>)')
+    record.add_argument('--bag', type=Path, help=f'bag to write (default {BAGS}/<robot>-<time>)')
     record.add_argument('--no-bag', action='store_true', help='record nothing')
     add_option(parser, WalkOptions, 'storage')
     add_json_option(parser)
@@ -99,7 +100,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     factor = args.real_time_factor or float(args.real_time or port is not None)
     _check_shape(path, trained, args.shape)
     robot = args.robot or robot_name(trained.morphology)
-    bag = args.bag or Path('bags') / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'
+    bag = args.bag or BAGS / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'
     engine = args.engine
     faults = parse_faults(args.faults)
     options = WalkOptions(

@@ -32,7 +32,7 @@ from sim_node.ros.node_base import RosNode, run_nodes
 from sim_node.ros.sim_interface import CLOCK, MARKERS
 from sim_node.ros.strangers import Strangers
 from sim_node.ros.topics import stream_qos
-from snca_ros.files import RESERVE, check_new_bag, room_for
+from snca_ros.files import BAGS, RESERVE, check_new_bag, room_for
 from snca_ros.nodes.interfaces import RECORDER, RECORDER_NODE, RecorderOptions
 from snca_ros.nodes.message_definitions import MessageDefinitions, message_class
 from snca_ros.recording.streams import KINDS
@@ -57,7 +57,7 @@ class RecorderNode(RosNode):
 
     def __init__(self) -> None:
         super().__init__(RECORDER_NODE.name)
-        new = RecorderOptions(f'bags/{datetime.now():%Y%m%d-%H%M%S}')
+        new = RecorderOptions(f'{BAGS}/{datetime.now():%Y%m%d-%H%M%S}')
         options = declare(self, RECORDER, new)
         check_unknown_parameters(self)
         self._definitions = MessageDefinitions()

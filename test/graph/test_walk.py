@@ -128,7 +128,7 @@ def lost_in_total(output):
 
 def test_real_time_walk_continues_without_a_killed_voxel(start, make_controller, tmp_path):
     child = start(
-        'walk', make_controller('11-10'), '--duration', 6, '--real-time', 2, '--bag', 'bag'
+        'walk', make_controller('11-10'), '--duration', 6, '--real-time-factor', 2, '--bag', 'bag'
     )
     wait_until((tmp_path / 'bag').exists)
     victim = wait_until(lambda: nodes_of(child.pid).get('voxel_0_1'))

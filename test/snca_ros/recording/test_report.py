@@ -43,6 +43,19 @@ def test_printed_report(bag, capsys):
         assert min(picture.size) > 400
 
 
+def test_a_bag_that_cannot_be_written_is_reported(bag, tmp_path, capsys):
+    (bag / 'report.png').mkdir()  # like a read-only bag, also for root
+    assert main(['report', str(bag), '--json', '-']) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)['robot'] == 'biped'
+    assert 'no figure, the bag cannot be written; name a file by --figure (' in err
+    assert main(['report', str(bag), '--figure', str(tmp_path / 'figure.png')]) == 0
+    assert capsys.readouterr().out.endswith(f'figure: {tmp_path / "figure.png"}\n')
+    (bag / 'replay.html').mkdir()
+    assert main(['report', str(bag), '--html']) == BAD_INPUT
+    assert 'page: got ' in capsys.readouterr().err
+
+
 def test_deliveries_and_step_times(tmp_path, capsys):
     messages = messages_of_walk(make_walk(N_STEPS))
     of_simulation = {
