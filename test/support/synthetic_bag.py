@@ -35,6 +35,8 @@ class Walk:
     ground: np.ndarray | None = None  # (n_points, 2)
     episode: str = 'r5f0c17e'  # its name; empty in bags that are older than names of episodes
     sensors: tuple[str, ...] = DEFAULT_SENSORS
+    ages: np.ndarray | None = None  # (n, n_voxels) of the answers; None in older bags
+    applied: np.ndarray | None = None  # (n, n_voxels), None if it is the actuation
 
 
 def make_walk(
@@ -58,10 +60,14 @@ def _header(step: int, frame: str):
     return TYPES['std_msgs/msg/Header'](stamp=stamp, frame_id=frame)
 
 
-def joint_state(step: int, frame: str, names: Iterable[str], position: np.ndarray):
+def joint_state(
+    step: int, frame: str, names: Iterable[str], position: np.ndarray,
+    effort: np.ndarray | None = None,
+):
     none = np.zeros(0)
+    effort = none if effort is None else np.array(effort, dtype=float)
     return TYPES['sensor_msgs/msg/JointState'](
-        _header(step, frame), list(names), np.atleast_1d(position), none, none
+        _header(step, frame), list(names), np.atleast_1d(position), none, effort
     )
 
 
@@ -133,6 +139,12 @@ def diagnostics(node: str, figures: Mapping[str, object], process: str = 'host:1
 def messages_of_step(walk: Walk, step: int, robot: str = 'biped') -> list[Message]:
     """Return the messages that the graph publishes in control step `step`."""
     out = [('/clock', clock(step)), (f'/{robot}/odometry', odometry(step, walk.centers[step]))]
+    if walk.ages is not None and step > 0:
+        applied = walk.actuation if walk.applied is None else walk.applied
+        out.insert(0, (f'/{robot}/applied_actuation', joint_state(
+            step - 1, f'{robot}@{walk.episode}', walk.voxels, applied[step - 1],
+            walk.ages[step - 1],
+        )))
     if step % 2 == 0:
         points = {} if walk.corners is None else {
             'voxels': walk.corners[step][:, [0, 1, 2, 0, 2, 3]].reshape(-1, 2)
