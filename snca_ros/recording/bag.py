@@ -104,7 +104,7 @@ def _one_episode(
 ) -> dict[Role, Stream]:
     """Return the streams of one episode; messages of no episode, or after its end, are refused."""
     mine = {role: numbers[role] == episode for role in found}
-    odometry = one_episode(found[ODOMETRY], mine[ODOMETRY], found[ODOMETRY].select([]))
+    odometry = one_episode(found[ODOMETRY], mine[ODOMETRY])
     last = int(odometry.steps[-1])
     streams = {}
     for role, stream in found.items():
@@ -124,7 +124,7 @@ def _one_kind_of_message(streams: dict[Role, Stream]) -> dict[Role, Stream]:
         return streams
     foreign = min(sizes, key=lambda kind: sizes[kind])
     return {
-        role: stream if role.kind != foreign else stream.select([], len(stream.steps))
+        role: stream if role.kind != foreign else stream.until(-1)
         for role, stream in streams.items()
     }
 
@@ -140,8 +140,8 @@ def _voxels(
     }
     if voxels := voxel_names(readable, (*health, *fields)):
         return voxels
-    reasons = [stream.reason for stream in streams.values() if stream.reason] or [None]
-    raise InvalidInput('voxels', reasons[0], f'topics /{robot}/voxel_<x>_<y>/sensors')
+    reason = next((stream.reason for stream in streams.values() if stream.reason), None)
+    raise InvalidInput('voxels', reason, f'topics /{robot}/voxel_<x>_<y>/sensors')
 
 
 def _absent_topics(

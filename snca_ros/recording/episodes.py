@@ -61,7 +61,8 @@ def _named_episodes(streams: Mapping[Role, Stream]) -> tuple[list[bytes], np.nda
         near = _nearest(voter, odometry)
         before = _nearest(voter, odometry, back=1)
         near = np.where(near >= 0, near, before)
-        voted = np.flatnonzero((near >= 0) & (voter.names[near] != b'')) if len(voter.names) else []
+        voted = np.flatnonzero(near >= 0)
+        voted = voted[voter.names[near[voted]] != b'']
         votes[voted, np.searchsorted(names, voter.names[near[voted]])] += 1
     number = np.where(votes.any(axis=1), votes.argmax(axis=1), _NONE)
     number = _extended(odometry, number)
@@ -91,7 +92,7 @@ def _has_resets(steps: np.ndarray) -> bool:
 
 
 def _numbered_by_resets(streams: Mapping[Role, Stream]) -> tuple[int, dict[Role, np.ndarray]]:
-    """Number the messages of a bag by the resets of its odometry.
+    """Return what `number_episodes` does, from the resets of the odometry.
 
     A reset takes effect at a different time on every topic: a late answer may be recorded after
     the odometry of step 0. So messages are assigned in runs of increasing steps: a run belongs
@@ -113,17 +114,19 @@ def _starts(steps: np.ndarray) -> np.ndarray:
     return np.flatnonzero(np.diff(steps, prepend=np.iinfo(np.int64).max) < 0)
 
 
-def one_episode(stream: Stream, mine: np.ndarray, odometry: Stream) -> Stream:
+def one_episode(
+    stream: Stream, mine: np.ndarray, odometry: Stream | None = None
+) -> Stream:
     """Return the messages of one episode, one per control step, in the order of steps.
 
     Args:
         stream: messages of any episodes.
         mine: (n,) bool, which of them are of this episode.
-        odometry: of the episode. Of several messages of a step without a name, such as those of
+        odometry: of the episode, if it is known. Of several messages of a step without a name, such as those of
             two robots on /clock, the one that is nearest to the odometry is kept; else the first.
     """
     kept = np.flatnonzero(mine)
-    if not len(odometry.steps) or stream.names.any():
+    if odometry is None or stream.names.any():
         rank = np.arange(len(kept))
     else:
         near = _nearest(odometry, stream.select(kept))
@@ -153,7 +156,8 @@ def _nearest(among: Stream, of: Stream, back: int = 0) -> np.ndarray:
     wanted = of.steps - back
     rank = np.searchsorted(np.unique(steps), wanted)
     after = np.searchsorted(keys, rank * span + of.order)
-    best, distance = np.full(len(wanted), -1), np.full(len(wanted), np.iinfo(np.int64).max)
+    best = np.full(len(wanted), -1)
+    distance = np.full(len(wanted), np.iinfo(np.int64).max)
     for i in (after - 1, after):
         inside = np.clip(i, 0, len(keys) - 1)
         far = np.abs(order[inside] - of.order)

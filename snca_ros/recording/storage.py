@@ -67,7 +67,7 @@ class _Contents:
             counts.setdefault(name, {})[kind] = len(order)
         out = {}
         for name, by_type in counts.items():
-            kind = max(by_type, key=lambda kind, by_type=by_type: by_type[kind])
+            kind = max(by_type, key=by_type.__getitem__)
             order, times, messages = self._found[name, kind]
             out[name] = Topic(
                 kind, np.array(times, dtype=np.int64), np.array(order, dtype=np.int64), messages,

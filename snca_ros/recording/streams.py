@@ -106,7 +106,7 @@ def decode(topic: Topic, kind: str, voxel: str = '') -> Stream:
         np.array([numbers for _, _, numbers, *_ in good]).reshape(len(good), *shape),
         np.array([episode for *_, episode, _ in good], dtype='S'),
         len(topic.messages) - len(good) + topic.foreign,
-        reason or 'another layout than most messages',
+        reason or ('another layout than most messages' if len(good) < len(found) else ''),
         fields,
     )
 

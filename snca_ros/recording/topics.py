@@ -1,4 +1,4 @@
-"""Finds the topics of one robot in a bag: by their declared names, or remapped, by their content."""
+"""Finds the topics of one robot in a bag, by their declared names or by their content."""
 
 import re
 from collections.abc import Mapping
@@ -68,9 +68,9 @@ def find_topics(topics: Mapping[str, Topic]) -> tuple[str, dict[Role, str]]:
         found.setdefault(CLOCK, '/clock')
     taken = {*found.values()}
     for name, topic in topics.items():
-        if name not in taken and not _VOXEL_TOPIC.fullmatch(name):
-            if role := role_by_content(topic):
-                found.setdefault(role, name)
+        unknown = name not in taken and not _VOXEL_TOPIC.fullmatch(name)
+        if unknown and (role := role_by_content(topic)):
+            found.setdefault(role, name)
     return robot, found
 
 
