@@ -35,8 +35,8 @@ class ViewNode(RosNode):
         trained: its controller.
         send: called with each frame, ready for JSON: `step`, `x`, `y` [m], `corners` [m] of the
             newest pose, `area`, `touch` and applied `actuation` of each voxel, `messages`, rows of
-            step, voxel and numbers sent, `ages`, rows of step and the age of each voxel's answer as in
-            `applied_actuation`, and `health`, level and text of each node by its name.
+            step, voxel and numbers sent, `ages`, rows of step and the age of each voxel's answer
+            as in `applied_actuation`, and `health`, level and text of each node by its name.
     """
 
     def __init__(

@@ -119,11 +119,13 @@ def one_episode(
 ) -> Stream:
     """Return the messages of one episode, one per control step, in the order of steps.
 
+    Of several messages of a step the first is kept; of those without a name, such as those of two
+    robots on /clock, the one that is nearest to the odometry of the step.
+
     Args:
         stream: messages of any episodes.
         mine: (n,) bool, which of them are of this episode.
-        odometry: of the episode, if it is known. Of several messages of a step without a name, such as those of
-            two robots on /clock, the one that is nearest to the odometry is kept; else the first.
+        odometry: of the episode, if it is known.
     """
     kept = np.flatnonzero(mine)
     if odometry is None or stream.names.any():
