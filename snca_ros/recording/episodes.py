@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from snca_ros.recording.streams import KINDS, Stream
-from snca_ros.recording.topics import ODOMETRY, Role
+from snca_ros.recording.topics import CLOCK, ODOMETRY, Role
 
 _NONE = -1
 _REACH = 1000  # control steps by which odometry may lie beyond what is assigned already
@@ -67,7 +67,10 @@ def _named_episodes(streams: Mapping[Role, Stream]) -> tuple[list[bytes], np.nda
     number = np.where(votes.any(axis=1), votes.argmax(axis=1), _NONE)
     number = _extended(odometry, number)
     if any(_has_resets(odometry.steps[number == i]) for i in range(len(names))):
-        return None
+        # One message that is repeated later is no reset, which other topics show, too.
+        others = [s.steps for s in voters] + [s.steps for r, s in streams.items() if r == CLOCK]
+        if any(_has_resets(steps) for steps in others):
+            return None
     first = {i: int(np.argmax(number == i)) for i in range(len(names)) if (number == i).any()}
     in_order = sorted(first, key=lambda i: first[i])
     new = np.full(len(names) + 1, _NONE)  # the last item is that of -1

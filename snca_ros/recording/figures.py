@@ -105,7 +105,8 @@ def _draw_messages(axes: Axes, recording: Recording, first: int) -> None:
                 markersize=size, markeredgewidth=0.6,
             )
         _shade(axes, recording, first, n_channels)
-        title = f'Spikes that the voxels send, {n_channels} channels each; late ones are pale'
+        title = f'Spikes that the voxels send, {n_channels} channels each'
+        title += '; late ones are pale' if late.any() else ''
     elif recording.values is not None:
         n_channels = recording.values.shape[2]
         values = np.where(recording.late[first:, :, None], np.nan, recording.values[first:])

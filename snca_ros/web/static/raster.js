@@ -51,12 +51,14 @@ class Raster {
   // Shade the steps at which a voxel is limp, or its answer or message did not come in time.
   shades(context, voxel, time, top, height, place) {
     const { walk } = this, [first, last] = this.range(time);
-    for (let step = first; step <= last; step++) {
-      const shade = walk.shade(step, voxel);
+    for (let begin = first, step = first; step <= last; step++) {
+      const shade = walk.shade(begin, voxel);
+      if (step < last && walk.shade(step + 1, voxel) === shade) continue;
+      const x = place(begin / walk.rate);
+      begin = step + 1;
       if (!shade) continue;
       context.fillStyle = color(shade);
-      const x = place(step / walk.rate);
-      context.fillRect(x, top, place((step + 1) / walk.rate) - x + 0.5, height);
+      context.fillRect(x, top, place(begin / walk.rate) - x, height);
     }
   }
 

@@ -14,15 +14,17 @@ class Spans {
   columns(n, { from }) {
     const { walk } = this, begin = Math.round(walk.begin * walk.rate);
     const voxels = from === undefined ? walk.voxels.map((_, i) => i) : [from];
-    const found = Array(n).fill(undefined), length = Math.max(walk.steps - 1 - begin, 1);
-    for (let step = begin; step < walk.steps; step++) {
-      const column = Math.min(Math.floor(((step - begin) / length) * n), n - 1);
-      for (const voxel of voxels) {
-        if (found[column] === 'limp') break;
-        found[column] = walk.shade(step, voxel) ?? found[column];
-      }
-    }
-    return found;
+    const length = Math.max(walk.steps - 1 - begin, 1);
+    return Array.from({ length: n }, (_, x) => {
+      const first = Math.floor((x * length) / n), end = Math.floor(((x + 1) * length) / n);
+      let worst;
+      for (let step = first; step < Math.max(end, first + 1); step++)
+        for (const voxel of voxels) {
+          worst = walk.shade(begin + step, voxel) ?? worst;
+          if (worst === 'limp') return worst;
+        }
+      return worst;
+    });
   }
 
   draw(selection) {
