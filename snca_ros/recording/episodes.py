@@ -1,11 +1,11 @@
 """Assigns the messages of a bag to the episodes of its simulation, without a clock."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from snca_ros.recording.streams import KINDS, Stream
-from snca_ros.recording.topics import CLOCK, ODOMETRY, Role
+from snca_ros.recording.topics import APPLIED, CLOCK, ODOMETRY, Role
 
 _NONE = -1
 _REACH = 1000  # control steps by which odometry may lie beyond what is assigned already
@@ -44,27 +44,24 @@ def number_episodes(streams: Mapping[Role, Stream]) -> tuple[int, dict[Role, np.
 def _named_episodes(streams: Mapping[Role, Stream]) -> tuple[list[bytes], np.ndarray] | None:
     """Return the names of the episodes in their order, and the episode of each odometry message.
 
-    Each topic of the simulation has a vote on an odometry message: the name of its nearest message
-    of the same step, or else of the step before. So one stranger cannot forge an episode.
+    Each topic of sensors has a vote on an odometry message: the name of its nearest message of the
+    same step. So one stranger cannot forge an episode. At the last step there are no sensors: the
+    actuation that led there decides, or the sensors before.
 
     Returns:
         None if the messages have no names, or if one name stands for several episodes.
     """
     odometry = streams[ODOMETRY]
-    voters = [s for role, s in streams.items() if role.kind in ('sensors', 'applied_actuation')]
+    sensors = [stream for role, stream in streams.items() if role.kind == 'sensors']
+    applied = [stream for role, stream in streams.items() if role == APPLIED]
+    voters = [*sensors, *applied]
     names = np.unique(np.concatenate([np.zeros(0, 'S'), *(voter.names for voter in voters)]))
     names = names[names != b'']
     if not len(names):
         return None
-    votes = np.zeros((len(odometry.steps), len(names)), dtype=int)
-    for voter in voters:
-        near = _nearest(voter, odometry)
-        before = _nearest(voter, odometry, back=1)
-        near = np.where(near >= 0, near, before)
-        voted = np.flatnonzero(near >= 0)
-        voted = voted[voter.names[near[voted]] != b'']
-        votes[voted, np.searchsorted(names, voter.names[near[voted]])] += 1
-    number = np.where(votes.any(axis=1), votes.argmax(axis=1), _NONE)
+    number = np.full(len(odometry.steps), _NONE)
+    for asked, back in ((sensors, 0), (applied, 1), (sensors, 1)):
+        number = np.where(number >= 0, number, _elected(asked, odometry, names, back))
     number = _extended(odometry, number)
     if any(_has_resets(odometry.steps[number == i]) for i in range(len(names))):
         # One message that is repeated later is no reset, which other topics show, too.
@@ -76,6 +73,19 @@ def _named_episodes(streams: Mapping[Role, Stream]) -> tuple[list[bytes], np.nda
     new = np.full(len(names) + 1, _NONE)  # the last item is that of -1
     new[in_order] = np.arange(len(in_order))
     return ([bytes(names[i]) for i in in_order], new[number]) if in_order else None
+
+
+def _elected(
+    voters: Sequence[Stream], odometry: Stream, names: np.ndarray, back: int
+) -> np.ndarray:
+    """Return the index of the name that most voters give each odometry message; -1 for none."""
+    votes = np.zeros((len(odometry.steps), len(names)), dtype=int)
+    for voter in voters:
+        near = _nearest(voter, odometry, back)
+        voted = np.flatnonzero(near >= 0)
+        voted = voted[voter.names[near[voted]] != b'']
+        votes[voted, np.searchsorted(names, voter.names[near[voted]])] += 1
+    return np.where(votes.any(axis=1), votes.argmax(axis=1), _NONE)
 
 
 def _extended(odometry: Stream, number: np.ndarray) -> np.ndarray:
