@@ -87,5 +87,5 @@ def test_two_robots_are_refused(tmp_path, name):
     first, second = messages_of_walk(new_walk()), messages_of_walk(new_walk(1), 'other')
     second = renamed(second, {'/other/odometry': name})
     messages = [a + b for a, b in zip(first, second, strict=True)]
-    with pytest.raises(InvalidInput, match='robot: got .odometry of biped, other'):
+    with pytest.raises(InvalidInput, match=r'robot: got .odometry of biped, other'):
         read_bag(write_messages(tmp_path / 'bag', messages))

@@ -212,8 +212,8 @@ def test_a_death_is_seen_on_slider_raster_and_robot(open_page, tmp_path):
       const {width, height} = player.raster.canvas;
       const data = context.getImageData(0, 0, width, height).data;
       for (let i = 0; i < data.length; i += 4)
-        drawn.add([data[i], data[i + 1], data[i + 2]].map((c) => c.toString(16).padStart(2, '0')).join(''));
-      return ['spike', 'late'].map((name) => drawn.has(color(name).slice(1)));
+        drawn.add('#' + [0, 1, 2].map((j) => data[i + j].toString(16).padStart(2, '0')).join(''));
+      return ['spike', 'late'].map((name) => drawn.has(color(name)));
     }""")
     assert ticks == [True, True]
 
