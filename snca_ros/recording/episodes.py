@@ -55,13 +55,13 @@ def _named_episodes(streams: Mapping[Role, Stream]) -> tuple[list[bytes], np.nda
     sensors = [stream for role, stream in streams.items() if role.kind == 'sensors']
     applied = [stream for role, stream in streams.items() if role == APPLIED]
     voters = [*sensors, *applied]
-    names = np.unique(np.concatenate([np.zeros(0, 'S'), *(voter.names for voter in voters)]))
-    names = names[names != b'']
+    said = np.concatenate([np.zeros(0, 'S'), *(voter.names for voter in voters)])
+    names, counts = np.unique(said[said != b''], return_counts=True)
     if not len(names):
         return None
     number = np.full(len(odometry.steps), _NONE)
     for asked, back in ((sensors, 0), (applied, 1), (sensors, 1)):
-        number = np.where(number >= 0, number, _elected(asked, odometry, names, back))
+        number = np.where(number >= 0, number, _elected(asked, odometry, names, counts, back))
     number = _extended(odometry, number)
     if any(_has_resets(odometry.steps[number == i]) for i in range(len(names))):
         # One message that is repeated later is no reset, which other topics show, too.
@@ -76,16 +76,20 @@ def _named_episodes(streams: Mapping[Role, Stream]) -> tuple[list[bytes], np.nda
 
 
 def _elected(
-    voters: Sequence[Stream], odometry: Stream, names: np.ndarray, back: int
+    voters: Sequence[Stream], odometry: Stream, names: np.ndarray, counts: np.ndarray, back: int
 ) -> np.ndarray:
-    """Return the index of the name that most voters give each odometry message; -1 for none."""
-    votes = np.zeros((len(odometry.steps), len(names)), dtype=int)
+    """Return the index of the name that most voters give each odometry message; -1 for none.
+
+    Of several such names the one with the largest of `counts` is taken.
+    """
+    votes = np.zeros((len(odometry.steps), len(names)))
     for voter in voters:
         near = _nearest(voter, odometry, back)
         voted = np.flatnonzero(near >= 0)
         voted = voted[voter.names[near[voted]] != b'']
         votes[voted, np.searchsorted(names, voter.names[near[voted]])] += 1
-    return np.where(votes.any(axis=1), votes.argmax(axis=1), _NONE)
+    preferred = votes + counts / (1.0 + counts.sum())  # less than a vote
+    return np.where(votes.any(axis=1), preferred.argmax(axis=1), _NONE)
 
 
 def _extended(odometry: Stream, number: np.ndarray) -> np.ndarray:
@@ -157,7 +161,7 @@ def _nearest(among: Stream, of: Stream, back: int = 0) -> np.ndarray:
     Args:
         among: the messages to choose from.
         of: (n,) messages.
-        back: 1 for the nearest message whose step is one less.
+        back: 1 for the last message of one step before that was recorded earlier.
 
     Returns:
         (n,) indices; -1 where there is none.
@@ -173,7 +177,7 @@ def _nearest(among: Stream, of: Stream, back: int = 0) -> np.ndarray:
     after = np.searchsorted(keys, rank * span + of.order)
     best = np.full(len(wanted), -1)
     distance = np.full(len(wanted), np.iinfo(np.int64).max)
-    for i in (after - 1, after):
+    for i in (after - 1,) if back else (after - 1, after):
         inside = np.clip(i, 0, len(keys) - 1)
         far = np.abs(order[inside] - of.order)
         better = (i == inside) & (steps[inside] == wanted) & (far < distance)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.synthetic_bag import (
     STEP_TIME,
@@ -71,11 +71,12 @@ def test_a_bag_that_was_sorted_by_a_clock_set_back_is_whole_by_the_names_of_epis
     assert_is_whole(read_bag(write_messages(tmp_path / 'bag', in_order_of_time(messages))), walk)
 
 
-@given(st.lists(st.booleans(), min_size=40, max_size=40))
+@settings(max_examples=20)
+@given(st.lists(st.booleans(), min_size=12, max_size=12))
 def test_episodes_that_are_mixed_are_separated_by_their_names(tmp_path_factory, turns):
     """An old bag is played into a running robot: its messages are on the same topics."""
     walks = [
-        replace(make_walk(15, seed=i), episode=name, ages=np.zeros((15, 2)))
+        replace(make_walk(5, seed=i), episode=name, ages=np.zeros((5, 2)))
         for i, name in enumerate(['r5f0c17e', 'r0000001'])
     ]
     left = [messages_of_walk(walk) for walk in walks]
@@ -135,7 +136,7 @@ def test_the_nearest_message_of_the_same_step_is_found(among, of, random, back):
     for i, found in enumerate(_nearest(a, b, back)):
         distances = [
             abs(order - b.order[i]) for step, order in zip(a.steps, a.order, strict=True)
-            if step == b.steps[i] - back
+            if step == b.steps[i] - back and (order < b.order[i] or not back)
         ]
         assert (found >= 0) == bool(distances)
         if distances:
