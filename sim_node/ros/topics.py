@@ -66,7 +66,9 @@ def _joint_state_format(
         check_frame(sender, received.header.frame_id)
 
     layout = message_layout.joint_state(sender, EXAMPLE_EPISODE, names, len(effort))
-    slots = {'position': numbers, 'episode': np.frombuffer(EXAMPLE_EPISODE, np.uint8)}
+    slots: dict[str, np.ndarray] = {
+        'position': numbers, 'episode': np.frombuffer(EXAMPLE_EPISODE, np.uint8)
+    }
     if with_effort:
         slots['effort'] = effort
     return WireFormat(message, layout, slots, check)
