@@ -154,13 +154,15 @@ class SimNode(RosNode):
 
     def _make_step(self) -> None:
         self._requested_steps = None if self._requested_steps is None else self._requested_steps - 1
-        actuation = self._answers.close_step(self.simulation.step_count)
+        step = self.simulation.step_count
+        actuation, ages = self._answers.close_step(step), self._answers.ages(step)
         try:
             self._readings = self.simulation.step(actuation)
         except Diverged as error:
             self.get_logger().error(f'the physics diverged: {error}')
             self.exit_code = _FAILED
             return
+        self._broadcast.publish_applied(step, ages, self._episode)
         self.count('steps')
         if self.simulation.step_count > START_STEPS:
             self._times.note(time.monotonic())

@@ -4,7 +4,7 @@ from dataclasses import astuple, dataclass
 
 from sim_node.model.constants import Checked, choice, constant, flag, text_value
 from sim_node.ros.interface import DIAGNOSTICS, ROSOUT, NodeInterface, Parameters, Topic
-from sim_node.ros.sim_interface import ACTUATION, CLOCK, MARKERS, ODOMETRY, SENSORS
+from sim_node.ros.sim_interface import ACTUATION, APPLIED, CLOCK, MARKERS, ODOMETRY, SENSORS
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.faults import FAULTS_OF_CELLS, Faults
 
@@ -106,7 +106,7 @@ NEIGHBORS = Parameters(NeighborNames, 'neighbor.')
 FAULTS = Parameters(Faults, only=FAULTS_OF_CELLS)
 RECORDER = Parameters(RecorderOptions)
 
-_OF_ROBOT = (SENSORS, ACTUATION, SPIKES, VALUES, ODOMETRY, MARKERS)
+_OF_ROBOT = (SENSORS, ACTUATION, SPIKES, VALUES, ODOMETRY, MARKERS, APPLIED)
 
 VOXEL_NODE = NodeInterface(
     'voxel_node', 'Voxel',

@@ -63,6 +63,8 @@ class RecorderNode(RosNode):
         self._types = get_typestore(Stores.ROS2_JAZZY)
         self._topics: set[str] = set()
         self._last_message = 0.0
+        # Receipt times never go back, also if the clock of the machine is set while it records.
+        self._clock_offset = time.time_ns() - time.monotonic_ns()
         self._writer = self._open(Path(options.bag), StoragePlugin[options.storage.upper()])
         self._newest_topic = time.monotonic()
         self._discovery_timer = self.create_timer(_DISCOVERY_PERIOD, self._discover_topics)
@@ -114,7 +116,8 @@ class RecorderNode(RosNode):
         self._last_message = self.listening.now()
         if self.exit_code is None:
             with self._ending_on_error('written'):
-                self._writer.write(connection, time.time_ns(), data)
+                now = self._clock_offset + time.monotonic_ns()
+                self._writer.write(connection, now, data)
                 self.count('messages')
 
     def _flush(self) -> None:

@@ -24,8 +24,8 @@ class Walk(Protocol):
         """Return the centre of mass x, y [m] at each control step, (n, 2)."""
 
     @property
-    def actuation(self) -> np.ndarray:
-        """Return the actuation, (n_steps, n_voxels)."""
+    def applied(self) -> np.ndarray:
+        """Return the actuation that moved the body, (n_steps, n_voxels)."""
 
     @property
     def spikes(self) -> np.ndarray | None:
@@ -33,7 +33,7 @@ class Walk(Protocol):
 
     @property
     def heard(self) -> np.ndarray:
-        """Return which spikes are known, (n_steps, n_voxels)."""
+        """Return which spikes came in time to be used, (n_steps, n_voxels)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ def measure_gait(recording: Walk) -> Gait:
     """Return the gait of a recorded walk."""
     x = recording.centers[:, 0]
     first, last = _ends(x)
-    steady = steady_part(recording.actuation)
+    steady = steady_part(recording.applied)
     rates = None
     if recording.spikes is not None:
         rates = firing_rates(recording.spikes, recording.heard)

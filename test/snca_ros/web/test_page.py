@@ -16,6 +16,7 @@ from snca_ros.cli import main
 from snca_ros.command_line import BAD_INPUT
 from snca_ros.controller_file import TrainedController, save_controller
 from snca_ros.recording.offline import record_offline
+from snca_ros.recording.outcomes import Outcome
 from snca_ros.web.page import walk_page
 
 DURATION = 3.0
@@ -175,6 +176,46 @@ def test_voxels_and_connections_are_selected(page, recording):
     needle = 34 + 1.5 * (width - 34) / 2.0
     marks = np.append(ticks, needle)
     assert all(np.abs(marks - x).min() <= 3 for x in drawn)
+
+
+def test_a_death_is_seen_on_slider_raster_and_robot(open_page, tmp_path):
+    outcomes = np.zeros((120, 3), dtype=np.uint8)
+    outcomes[30:60, 1], outcomes[60:90, 1] = Outcome.HELD, Outcome.LIMP
+    late = outcomes > 0
+    recording = made_recording(outcomes=outcomes, late=late, heard=~late)
+    (tmp_path / 'page.html').write_text(walk_page(recording, 'dead'))
+    page = open_page((tmp_path / 'page.html').as_uri())
+    shades = page.evaluate('[10, 40, 70, 100].map((step) => player.walk.shade(step, 1) ?? "")')
+    assert shades == ['', 'held', 'limp', '']
+    columns = page.evaluate('[{}, {from: 1}, {from: 0}].map((s) => player.spans.columns(119, s))')
+    assert columns[0] == columns[1] == [None] * 30 + ['held'] * 30 + ['limp'] * 30 + [None] * 29
+    assert columns[2] == [None] * 119
+    found = page.evaluate("""() => {
+      const pixel = (canvas, x, y) =>
+        [...canvas.getContext('2d').getImageData(x, y, 1, 1).data].slice(0, 3);
+      const look = (time) => {
+        player.seek(time);
+        const {spans, stage, raster} = player, shape = stage.shapes[1];
+        const [x, y] = [0, 1].map((i) => 0.9 * shape[0][i] + 0.1 * shape[2][i]);
+        const at = spans.canvas.width * time / player.walk.duration;
+        return [pixel(spans.canvas, at, 2), pixel(stage.canvas, x, y)];
+      };
+      return [0.1, 0.75, 1.25].map(look);
+    }""")
+    for strip, _ in found[:1]:
+        assert strip == [0, 0, 0]
+    assert len({str(strip) for strip, _ in found}) == 3
+    ticks = page.evaluate("""() => {
+      const drawn = new Set(), context = player.raster.canvas.getContext('2d');
+      player.select({from: 1});
+      player.seek(1.25);
+      const {width, height} = player.raster.canvas;
+      const data = context.getImageData(0, 0, width, height).data;
+      for (let i = 0; i < data.length; i += 4)
+        drawn.add([data[i], data[i + 1], data[i + 2]].map((c) => c.toString(16).padStart(2, '0')).join(''));
+      return ['spike', 'late'].map((name) => drawn.has(color(name).slice(1)));
+    }""")
+    assert ticks == [True, True]
 
 
 @pytest.mark.parametrize('size', ['phone', 'wide'])
