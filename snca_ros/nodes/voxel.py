@@ -135,6 +135,7 @@ class VoxelNode(RosNode):
         if self._core.join(self._duplicate.is_active):
             self._join_timer.cancel()
             self._duplicate.close()
+            self.publish_diagnostics()  # so that a bag knows each process, if it is killed soon
             if self._newest:
                 self.destroy_subscription(self._newest)
             self._try_step()

@@ -12,6 +12,7 @@ from sim_node.model.sensors import DEFAULT_SENSORS
 from snca_ros.recording.diagnostics import TOPIC as DIAGNOSTICS
 from snca_ros.recording.diagnostics import NodeHealth, read_health
 from snca_ros.recording.episodes import number_episodes, one_episode
+from snca_ros.recording.kills import count_kills, lost_by_kills, published_twice
 from snca_ros.recording.outcomes import Outcomes, find_outcomes
 from snca_ros.recording.poses import read_poses
 from snca_ros.recording.recording import Recording, TopicCount
@@ -66,6 +67,9 @@ def read_bag(path: Path | str, episode: int = -1) -> Recording:
             streams, voxels, len(arrays['centers']), _lock_step(health),
             rate := _rate(streams[ODOMETRY]),
         )
+        kills = _kills(health, streams, voxels, len(arrays['centers']))
+        twice = {role: published_twice(stream, numbers[role] == episode)
+                 for role, stream in found.items() if role.kind in outcomes.late}
         poses = None
         if MARKERS in names:
             poses, refused[names[MARKERS]] = read_poses(
@@ -76,7 +80,8 @@ def read_bag(path: Path | str, episode: int = -1) -> Recording:
     cells_late = outcomes.late['spikes'] | outcomes.late['values']
     return Recording(
         path=path, closed=closed, robot=robot, episode=episode, n_episodes=n_episodes, rate=rate,
-        counts=_counts(topics, names, streams, outcomes, voxels, refused), health=health,
+        counts=_counts(topics, names, streams, outcomes, voxels, refused, kills, twice),
+        health=health,
         poses=poses, physics=_physics(streams), applied=outcomes.applied,
         outcomes=outcomes.outcomes, late=cells_late,
         **{**arrays, 'heard': arrays['heard'] & ~cells_late},
@@ -225,9 +230,25 @@ def _rate(odometry: Stream) -> float:
     return float(steps[forward].sum() / seconds) if seconds > 0 else float('nan')
 
 
+def _kills(
+    health: Mapping[str, NodeHealth], streams: Mapping[Role, Stream], voxels: tuple[str, ...],
+    n_steps: int,
+) -> dict[str, int]:
+    """Return how often each voxel was killed at most, by its name."""
+    kills = {}
+    for voxel in voxels:
+        sent = np.zeros(n_steps, dtype=bool)
+        for role, stream in streams.items():
+            if role.voxel == voxel and role.kind != 'sensors':
+                sent[stream.steps] = True
+        kills[voxel] = count_kills(health[voxel].n_processes if voxel in health else 1, sent)
+    return kills
+
+
 def _counts(
     topics: Mapping[str, Topic], names: Mapping[Role, str], streams: Mapping[Role, Stream],
     outcomes: Outcomes, voxels: tuple[str, ...], refused: Mapping[str, int],
+    kills: Mapping[str, int], twice: Mapping[Role, np.ndarray],
 ) -> tuple[TopicCount, ...]:
     """Count the messages of each topic; a message of the last step is not counted as lost."""
     roles, counts = {name: role for role, name in names.items()}, []
@@ -240,12 +261,16 @@ def _counts(
             continue
         steps = streams[role].steps
         missing = np.setdiff1d(np.arange(n_steps - 1), steps)
-        late = unsent = missing[:0]
+        late = unsent = killed = missing[:0]
         if role.kind in outcomes.late:
             i = voxels.index(role.voxel)
             late = np.flatnonzero(outcomes.late[role.kind][:, i])
             unsent = np.intersect1d(missing, np.flatnonzero(outcomes.unsent[:, i]))
+        missing = np.setdiff1d(missing, unsent)
+        if role.kind == 'actuation':
+            killed = lost_by_kills(missing, outcomes.outcomes[:, i], kills[role.voxel])
         counts.append(TopicCount(
-            name, len(steps), np.setdiff1d(missing, unsent), strange, late, unsent, role.kind
+            name, len(steps), missing, strange, late, unsent, killed,
+            twice.get(role, missing[:0]), role.kind,
         ))
     return tuple(counts)

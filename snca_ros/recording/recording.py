@@ -33,6 +33,11 @@ class TopicCount:
             contains them.
         late: control steps whose message is in the bag, but came too late to be used.
         unsent: control steps at which the voxel sent nothing, for it was dead.
+        killed: those of `missing` that were lost by a kill of the voxel, at most one per kill: the
+            simulation had the message and the recorder did not.
+        twice: control steps of which there are several messages with different content, for the
+            voxel was killed and restarted: the arrays contain the first, and each neighbour used
+            the first that it received.
         kind: sensors, spikes, odometry, ..., also if the topic is remapped; empty if `missing` is
             None.
     """
@@ -43,6 +48,8 @@ class TopicCount:
     refused: int = 0
     late: np.ndarray = field(default_factory=_no_steps)
     unsent: np.ndarray = field(default_factory=_no_steps)
+    killed: np.ndarray = field(default_factory=_no_steps)
+    twice: np.ndarray = field(default_factory=_no_steps)
     kind: str = ''
 
     @property

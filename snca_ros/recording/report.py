@@ -52,6 +52,8 @@ def as_dict(recording: Recording, gait: Gait) -> dict[str, object]:
                 'in_time': None if count.missing is None else count.in_time,
                 'late': None if count.missing is None else len(count.late),
                 'lost': None if count.missing is None else count.lost,
+                'lost_by_kill': None if count.missing is None else len(count.killed),
+                'published_twice': None if count.missing is None else len(count.twice),
                 'never_sent': None if count.missing is None else len(count.unsent),
                 'refused': count.refused,
             }
@@ -161,7 +163,8 @@ def _count_lines(recording: Recording) -> list[str]:
     lines.append(_count_line('total', numbered))
     for count in recording.counts:
         for what, steps in (('late', count.late), ('lost', count.missing),
-                            ('never sent', count.unsent)):
+                            ('of these lost by a kill', count.killed),
+                            ('published twice', count.twice), ('never sent', count.unsent)):
             if steps is not None and len(steps):
                 lines.append(f'{what} on {count.topic}: {_steps(steps)}')
         if count.refused:

@@ -143,19 +143,6 @@ def _unheard(recording: Recording) -> str:
     )
 
 
-def _unheard(recording: Recording) -> str:
-    """Return a note about late and unsent messages; empty if there are none."""
-    late = sum(len(count.late) for count in recording.counts)
-    unsent = sum(len(count.unsent) for count in recording.counts)
-    if not late and not unsent:
-        return ''
-    return (
-        f'{late} messages came too late to count, and {unsent} were never sent: the strip above '
-        'the slider shows when, of the selected voxel or of all. Firing rates count only messages '
-        'that came in time.'
-    )
-
-
 def _notes(recording: Recording, frames: Frames) -> list[str]:
     """Return notes about what the page omits, averages or interpolates."""
     every = frames.stride / CONTROL_RATE

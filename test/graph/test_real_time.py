@@ -10,8 +10,6 @@ from support.limits import LIMIT
 
 from sim_node.ros.topics import stream_qos
 
-from sim_node.ros.topics import stream_qos
-
 
 def links_of(figures):
     """Return {topic: messages on time, late and lost} from a node's diagnostics."""
