@@ -117,6 +117,7 @@ class VoxelNode(RosNode):
         if self._core.follow_other_simulation(self.listening.now()):
             self._use_sensors()
         self._take_messages()
+
     def _subscribe_to_newest(self) -> None:
         """Subscribe to the sensors that are published from now on, besides those of the past."""
         qos = topics.stream_qos(1)
@@ -138,6 +139,9 @@ class VoxelNode(RosNode):
             self.publish_diagnostics()  # so that a bag knows each process, if it is killed soon
             if self._newest:
                 self.destroy_subscription(self._newest)
+            if (step := self._core.missed_step) is not None:
+                silence = np.zeros_like(self._core.outbox)
+                self._send_message(self._core.episode, step, silence)
             self._try_step()
 
     def _take_messages(self) -> None:
@@ -212,12 +216,16 @@ class VoxelNode(RosNode):
     def _publish(self, answer: Answer) -> None:
         self._mismatch.check(answer.episode)
         stamp, episode = stamp_of_step(answer.step), np.frombuffer(answer.episode, np.uint8)
-        self._messages_out.publish(self._messages.encode(episode, stamp, answer.outbox))
+        self._send_message(answer.episode, answer.step, answer.outbox)
         self._actuation_out.publish(
             self._actuation_wire.encode(stamp, position=np.array([answer.actuation]),
                                         episode=episode)
         )
         self.count('steps')
+
+    def _send_message(self, episode: bytes, step: int, outbox: np.ndarray) -> None:
+        name = np.frombuffer(episode, np.uint8)
+        self._messages_out.publish(self._messages.encode(name, stamp_of_step(step), outbox))
 
     def _end_with_simulation(self) -> None:
         exists = bool(self._simulations.others())

@@ -222,6 +222,25 @@ class VoxelCore:
         return self.joined
 
     @property
+    def missed_step(self) -> int | None:
+        """Return the step for which a voxel that has just joined must send silence; None for none.
+
+        It is the step before the one that it joins at. A neighbour that was restarted, too, waits
+        for its message, which nobody else has kept. Others have it, or have gone on without.
+        """
+        return self.step - 1 if self._waits else None
+
+    @property
+    def outbox(self) -> np.ndarray:
+        """Return the message that the cell sent last, (n_destinations, n_c, width)."""
+        return self._cells.outbox[0]
+
+    @property
+    def _waits(self) -> bool:
+        """Return whether the present step needs messages of the one before."""
+        return self.step > 0 and not (self._real_time and self.step >= START_STEPS)
+
+    @property
     def unanswered(self) -> bool:
         """Return whether there are sensors that the voxel has not answered."""
         return self._readings is not None
@@ -233,7 +252,7 @@ class VoxelCore:
         A neighbour that has sent a message of a later step is not awaited: it was killed while it
         published, and restarted.
         """
-        if self.step < 1 or (self._real_time and self.step >= START_STEPS):
+        if not self._waits:
             return []
         return [
             d for d, buffer in self._buffers.items()
