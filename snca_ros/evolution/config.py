@@ -53,7 +53,7 @@ class RunConfig:
     evaluations: int = constant(30_000, 1, 10**9, 'total number of episodes')
     seed: int = constant(0, 0, 2**32 - 1, 'seed of all random numbers')
     population: int = constant(36, 4, 100_000, 'individuals per generation')
-    sigma: float = constant(0.35, 1e-6, 100.0, 'standard deviation of the offspring')
+    sigma: float = constant(0.35, 1e-9, 100.0, 'standard deviation of the offspring')
     duration: float = constant(EPISODE, 0.1, LONGEST, 'duration of an episode', 's')
     transient: float = constant(
         TRANSIENT, 0.0, LONGEST, 'time at the start of an episode that is not scored', 's'
