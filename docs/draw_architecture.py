@@ -38,7 +38,7 @@ ROOMS = {
         'The ways in: the `snca` command, `python -m snca_ros`, `import snca_ros`.',
     ),
     'commands': Room(
-        ('snca_ros.commands.*',), ('graph', 'web', 'rendering', 'comparison'),
+        ('snca_ros.commands.*',), ('graph', 'web', 'rendering', 'comparison', 'firmware'),
     ),
     'api': Room(
         ('snca_ros.api.*',), ('graph', 'web', 'rendering', 'comparison'),
@@ -52,6 +52,7 @@ ROOMS = {
     'campaign': Room(('snca_ros.campaign.*',), ('assessment',)),
     'assessment': Room(('snca_ros.assessment.*',), ('recording',)),
     'recording': Room(('snca_ros.recording.*',), ('evolution',)),
+    'firmware': Room(('snca_ros.firmware.*',), ('controller',)),
     'evolution': Room(('snca_ros.evolution.*',), ('controller',)),
     'controller': Room(
         ('snca_ros.controller', 'snca_ros.controller_file', 'snca_ros.faults', 'snca_ros.bundled'),

@@ -55,6 +55,6 @@ def tanh(x):
     series = _term(series, r, 0.5)
     power = scale_of(k + elementary_functions.ROUND)  # 2^k
     part = single(single(single(series * r) * r) + r)
-    e = single(single(power * part) + (power - 1.0))
+    e = single(single(power * part) + single(power - 1.0))
     value = single(e / single(e + 2.0))
     return select(x < 0.0, -value, value)

@@ -155,11 +155,13 @@ class CellSource:
                 shifts.append(round(math.log2(unit / UNIT)))
             rows.append((synapses / unit).T.ravel())
         write_weight = (lambda w: str(round(w))) if self._integer else self._number
+        values = np.concatenate(constants)
         parts = [
-            '/* Constants of the cell; written by `snca firmware`. */', '#include "cell.h"', '',
-            '#include <float.h>', '',
+            '/* Constants of the cell; written by `snca firmware`. */',
+            *(['#include <float.h>', ''] if not np.isfinite(values).all() else []),
+            '#include "cell.h"', '',
             _array('weight weights', np.concatenate(rows), write_weight, cell.arithmetic), '',
-            _array('number constants', np.concatenate(constants), self._constant, 'float32'),
+            _array('number constants', values, self._constant, 'float32'),
         ]
         if self._integer:
             parts += ['', f'const uint8_t shifts[] = {{{", ".join(map(str, shifts))}}};']

@@ -29,10 +29,10 @@ def frame(payload: bytes) -> bytes:
     checked = payload + struct.pack('<H', binascii.crc_hqx(payload, 0xFFFF))
     blocks = bytearray()
     for part in checked.split(b'\0'):
-        while len(part) >= 254:
-            blocks += b'\xff' + part[:254]
-            part = part[254:]
-        blocks += bytes([len(part) + 1]) + part
+        whole = len(part) // 254 * 254
+        for at in range(0, whole, 254):
+            blocks += b'\xff' + part[at : at + 254]
+        blocks += bytes([len(part) - whole + 1]) + part[whole:]
     return bytes(blocks) + b'\0'
 
 
@@ -157,10 +157,14 @@ class CellCodec:
 
     @staticmethod
     def _hello(content: bytes) -> Hello | None:
-        version, arithmetic, *sizes, hashed, session, tick_rate = _HELLO.unpack_from(content)
+        (
+            version, arithmetic, n_sensors, n_c, n_destinations, hashed, session, tick_rate,
+        ) = _HELLO.unpack_from(content)
         if arithmetic >= len(ARITHMETICS):
             return None
-        identity = Identity(version, ARITHMETICS[arithmetic], *sizes, hashed)
+        identity = Identity(
+            version, ARITHMETICS[arithmetic], n_sensors, n_c, n_destinations, hashed
+        )
         label = content[_HELLO.size :].decode('ascii', 'replace')
         return Hello(identity, session, tick_rate, label)
 

@@ -17,7 +17,7 @@ from sim_node.numerics.lanes import negation, select
 from sim_node.numerics.single_precision import single, tanh
 from sim_node.registry import check_class_name
 from snca_ros.cell.coding import ACTUATION_WINDOW, F_MAX, F_MIN, SNN_RATE
-from snca_ros.cell.models.lif import Lif, LifAsPrinted, LifNeuron
+from snca_ros.cell.models.lif import LEAK, Lif, LifAsPrinted, LifNeuron
 from snca_ros.cell.models.model import NeuronModel
 from snca_ros.cell.models.perceptron import Perceptron
 
@@ -201,8 +201,8 @@ for _kind in (*_IN_FLOAT32.values(), FixedLif):
 _WITHOUT_INTEGERS = {
     Perceptron: 'double or float32: a perceptron in integers is not faster than in float32 where '
     'there is a floating-point unit, and some controllers walk more slowly with it',
-    LifAsPrinted: f'double or float32: the leak of the printed equations, {1e-2 / SNN_RATE:.2g} per '
-    'step, is smaller than the resolution of fixed point',
+    LifAsPrinted: 'double or float32: the leak of the printed equations, '
+    f'{LEAK / SNN_RATE:.2g} per step, is smaller than the resolution of fixed point',
 }
 
 

@@ -6,10 +6,9 @@
 #include "cell.h"
 
 static const uint16_t sizes[] = LAYER_SIZES; /* neurons per layer, from input to output */
-
 enum { N_LAYERS = sizeof sizes / sizeof *sizes, OUTPUT = N_NEURONS - 1 - N_SENT };
 
-static word words[N_NEURONS]; /* what each neuron sends in this control step: train or value */
+static word words[N_NEURONS];                /* what each neuron sends in this control step */
 
 #if SPIKING
 
@@ -41,12 +40,10 @@ static word encode(unsigned s, reading r, uint32_t first)
 /* a = 2 n / (f_max T) - 1 for n spikes in a window of duration T, clipped (Eq. 5). */
 static actuation decode(unsigned train)
 {
-    uint32_t n = 0, window;
-    for (; train; train >>= 1)
-        n += train & 1;
-    counts[age++ % WINDOW] = (uint8_t)n;
-    window = age < WINDOW ? age : WINDOW;
-    n = 0;
+    uint32_t n = 0, window = age < WINDOW ? age + 1 : WINDOW;
+    for (counts[age % WINDOW] = 0; train; train &= train - 1)
+        counts[age % WINDOW]++;
+    age++;
     for (uint32_t k = 0; k < window; k++)
         n += counts[k];
 #if INTEGER

@@ -29,8 +29,6 @@ extern const uint8_t shifts[];   /* INTEGER: a weight w of layer l is w << shift
 extern const number constants[]; /* per neuron: threshold at rest, its bound (as printed) or bias */
 
 void cell_reset(void);
-
-/* Advance the cell by control step `step`, one of 60 per second, counted from 0. */
-void cell_step(uint32_t step, const struct inputs *in, struct outputs *out);
+void cell_step(uint32_t step, const struct inputs *in, struct outputs *out); /* 60 per second */
 
 #endif

@@ -12,7 +12,7 @@ static const uint8_t sizes[] = {1, ARITHMETIC, N_SENSORS, N_C, N_DESTINATIONS}; 
 enum {
     HEAD = 7,  /* bytes of kind, session and step */
     CHECK = 2, /* bytes of the CRC */
-    HELLO_SIZE = 7 + (int)(sizeof sizes + sizeof hash + sizeof label - 1),
+    HELLO_SIZE = 1 + 2 + 4 + (int)(sizeof sizes + sizeof hash + sizeof label - 1),
     STEP_SIZE = HEAD + (int)(N_SENSORS * sizeof(reading) + N_RECEIVED * sizeof(word)),
     ANSWER_SIZE = HEAD + (int)(sizeof(actuation) + N_SENT * sizeof(word) + sizeof(uint32_t)),
     LARGEST = MAX(HELLO_SIZE, MAX(STEP_SIZE, ANSWER_SIZE)) + CHECK,
@@ -21,9 +21,8 @@ enum {
 
 static uint8_t received[FRAME], sent[FRAME], answer[ANSWER_SIZE + CHECK];
 static unsigned n_received;
-static uint16_t session;    /* 0 after a start */
-static uint8_t has_stepped; /* in this session; then `answer` is the answer to `last_step` */
-static uint32_t last_step;
+static uint16_t session;   /* 0 after a start */
+static uint32_t last_step; /* of the session; `answer` is its answer, or begins with 0 */
 
 /* CRC-16/CCITT: polynomial 0x1021, initial value 0xffff. */
 static uint16_t crc(const uint8_t *bytes, unsigned n)
@@ -89,7 +88,8 @@ static unsigned unpack(uint8_t *frame, unsigned n)
 static void answer_session(uint8_t kind)
 {
     received[0] = kind; /* the request has been read */
-    send_frame(received, (unsigned)(copy(received + 1, &session, sizeof session) - received));
+    copy(received + 1, &session, sizeof session);
+    send_frame(received, 1 + sizeof session);
 }
 
 static void say_hello(void)
@@ -99,28 +99,25 @@ static void say_hello(void)
     end = copy(end, hash, sizeof hash);
     end = copy(end, &session, sizeof session);
     end = copy(end, &board_tick_rate, sizeof board_tick_rate);
-    end = copy(end, label, sizeof label - 1);
-    send_frame(received, (unsigned)(end - received));
+    copy(end, label, sizeof label - 1);
+    send_frame(received, HELLO_SIZE);
 }
 
-/* Step the cell and keep the answer, unless a reading is out of range. */
-static void step(const uint8_t *request)
+/* Make control step k and keep the answer, unless a reading is out of range. */
+static void step(uint32_t k, const uint8_t *request)
 {
     struct inputs in;
     struct outputs out;
-    uint32_t ticks;
-    uint8_t *end = answer + HEAD;
     copy(in.readings, request + HEAD, sizeof in.readings);
     copy(in.received, request + HEAD + sizeof in.readings, sizeof in.received);
     for (unsigned s = 0; s < N_SENSORS; s++)
         if (!IS_READING(in.readings[s]))
             return;
-    copy(&last_step, request + 3, sizeof last_step);
-    ticks = board_ticks();
-    cell_step(last_step, &in, &out);
-    ticks = board_ticks() - ticks;
-    has_stepped = 1;
-    copy(answer, request, HEAD);
+    uint32_t start = board_ticks();
+    cell_step(k, &in, &out);
+    uint32_t ticks = board_ticks() - start;
+    last_step = k;
+    uint8_t *end = copy(answer, request, HEAD);
     answer[0] = 's';
     end = copy(end, &out.actuation, sizeof out.actuation);
     end = copy(end, out.sent, sizeof out.sent);
@@ -140,16 +137,16 @@ static void execute(const uint8_t *request, unsigned n)
         if (asked != session) {
             cell_reset();
             session = asked;
-            has_stepped = 0;
+            answer[0] = 0;
         }
         answer_session('r');
     } else if (request[0] == 'S' && n == STEP_SIZE) {
         if (asked != session || session == 0)
             answer_session('n');
-        else if (has_stepped && k == last_step)
+        else if (answer[0] && k == last_step)
             send_frame(answer, ANSWER_SIZE);
-        else if (!has_stepped || k > last_step)
-            step(request);
+        else if (!answer[0] || k > last_step)
+            step(k, request);
     }
 }
 

@@ -20,8 +20,7 @@
 
 #include <stdint.h>
 
-/* Take a byte from the host. */
-void link_receive(uint8_t byte);
+void link_receive(uint8_t byte); /* of the host */
 
 /* Each board provides these. */
 extern const uint32_t board_tick_rate; /* [Hz] */
