@@ -42,7 +42,7 @@ class Board:
             raise InvalidInput('board', self.machine, f'{EMULATOR} on the path, which emulates it')
         serial = line if line == STDIO else f'{line},server=on,wait=off'
         return [
-            EMULATOR, '-machine', self.machine, '-kernel', str(image), '-nographic', '-nodefaults',
+            EMULATOR, '-machine', self.machine, '-kernel', str(image), '-display', 'none',
             '-monitor', 'none', '-serial', serial, *(['-icount', 'shift=0'] if counting else []),
         ]
 
