@@ -36,7 +36,7 @@ PATIENCE = 60.0  # s
 
 
 def measure(quick: bool) -> dict:
-    boards = []
+    boards: list[dict] = []
     if shutil.which(f'{CROSS}gcc') and shutil.which(EMULATOR):
         for name, arithmetics in VARIANTS.items():
             boards += measure_boards(name, arithmetics, 30 if quick else 600)
@@ -66,7 +66,7 @@ def measure_boards(name: str, arithmetics: tuple[str, ...], n_steps: int) -> Ite
                 if not about.machine:
                     continue
                 path = folder / f'build/{board}/{image}.elf'
-                make = ['make', '-C', folder, f'BOARD={board}']
+                make = ['make', '-C', str(folder), f'BOARD={board}']
                 subprocess.run(make, check=True, capture_output=True)
                 address = Address('unix', f'{place}/{board}')
                 command = about.command(path, str(address), counting=True)

@@ -184,19 +184,20 @@ class _LifLayers:
     """
 
     def __init__(self, cell: Architecture, parameters: np.ndarray, n_voxels: int) -> None:
-        assert isinstance(cell.model, Lif)
-        self._model, sizes = cell.model, cell.layer_sizes
+        model, sizes = cell.model, cell.layer_sizes
+        assert isinstance(model, Lif)
+        self._model: Lif = model
         rows = parameters.reshape(-1, cell.parameters_per_cell)
         of_rows = [[layer.synapses for layer in layers_of(sizes, row, 0)] for row in rows]
-        self._weights = [np.stack(of_layer) for of_layer in zip(*of_rows, strict=True)]
+        self._weights: list[np.ndarray] = [np.stack(one) for one in zip(*of_rows, strict=True)]
         inputs = np.ones((1, sizes[0]))
-        self._thresholds = [self._model.neuron_constants(inputs, inputs[:0])[0]] + [
-            np.stack([self._model.neuron_constants(one, one[:0])[0] for one in of_layer])
+        self._thresholds: list[np.ndarray] = [model.neuron_constants(inputs, inputs[:0])[0]] + [
+            np.stack([model.neuron_constants(one, one[:0])[0] for one in of_layer])
             for of_layer in self._weights
         ]
-        self._v = [np.zeros((n_voxels, n)) for n in sizes]
-        self._psi = [np.zeros((n_voxels, n)) for n in sizes]
-        self.counts = [0.0] * len(sizes)
+        self._v: list[np.ndarray] = [np.zeros((n_voxels, n)) for n in sizes]
+        self._psi: list[np.ndarray] = [np.zeros((n_voxels, n)) for n in sizes]
+        self.counts: list[float] = [0.0] * len(sizes)
 
     def step(self, trains: np.ndarray) -> None:
         """Advance all networks by one control step; (n, n_inputs, 16) spikes arrive."""
