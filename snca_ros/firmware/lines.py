@@ -1,6 +1,6 @@
-"""Lines to devices: a serial port, datagrams to one peer, or a socket of this computer.
+"""Lines to devices: a serial port, datagrams to one peer, a local socket, an emulated board.
 
-A line is opened by its address: serial:PATH@BAUD, udp:HOST:PORT or unix:PATH.
+A line is opened by its address: serial:PATH@BAUD, udp:HOST:PORT, unix:PATH or emulated:BOARD:IMAGE.
 """
 
 import contextlib
@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from sim_node.errors import InvalidInput
+from snca_ros.firmware.emulated_line import EmulatedLine, check_image
 
-EXPECTED = 'serial:PATH@BAUD, udp:HOST:PORT or unix:PATH'
+EXPECTED = 'serial:PATH@BAUD, udp:HOST:PORT, unix:PATH or emulated:BOARD:IMAGE'
 """What an address is."""
 
 _BAUDS = {
@@ -46,18 +47,20 @@ class Address:
     """The address of a device.
 
     Attributes:
-        kind: 'serial', 'udp' or 'unix'.
+        kind: 'serial', 'udp', 'unix' or 'emulated'.
         place: path or host.
-        number: baud rate or port; 0 for a socket of this computer.
+        number: baud rate or port; 0 if there is none.
+        board: name of the emulated board.
     """
 
     kind: str
     place: str
     number: int = 0
+    board: str = ''
 
     def __str__(self) -> str:
-        between = {'serial': '@', 'udp': ':', 'unix': ''}[self.kind]
-        return f'{self.kind}:{self.place}{between}{self.number or ""}'
+        after = {'serial': f'@{self.number}', 'udp': f':{self.number}'}.get(self.kind, '')
+        return f'{self.kind}:{self.board}{":" * bool(self.board)}{self.place}{after}'
 
     def duration(self, n_bytes: int) -> float:
         """Return how long a number of bytes takes on the line [s]."""
@@ -70,6 +73,8 @@ class Address:
             return _SerialLine(self.place, self.number)
         if self.kind == 'udp':
             return _SocketLine(socket.SOCK_DGRAM, (self.place, self.number))
+        if self.kind == 'emulated':
+            return EmulatedLine(self.board, self.place)
         return _SocketLine(socket.SOCK_STREAM, self.place)
 
 
@@ -77,11 +82,16 @@ def parse_address(text: str, field: str = 'device') -> Address:
     """Return the address in a text.
 
     Raises:
-        InvalidInput: it is none, or its baud rate or port is invalid.
+        InvalidInput: it is none, its baud rate or port is invalid, or there is no such board or
+            image.
     """
     kind, _, rest = text.partition(':')
     if kind == 'unix' and rest:
         return Address(kind, rest)
+    if kind == 'emulated' and ':' in rest:
+        board, _, image = rest.partition(':')
+        check_image(board, image, field)
+        return Address(kind, image, board=board)
     separator = {'serial': '@', 'udp': ':'}.get(kind, '')
     if not separator:
         raise InvalidInput(field, text, EXPECTED)

@@ -1,0 +1,68 @@
+"""Builds the firmware of a robot for emulated boards."""
+
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+from sim_node.errors import InvalidInput, check_name
+from snca_ros.controller_file import TrainedController
+from snca_ros.firmware.boards import BOARDS
+from snca_ros.firmware.folder import UNIFORM, write_firmware
+
+EMULATED = 'emulated'
+"""Prefix of the names of boards that a walk emulates."""
+
+
+def parse_boards(text: str) -> tuple[str, ...]:
+    """Return the boards in the text emulated:BOARD[,BOARD...].
+
+    Raises:
+        InvalidInput: the text has another form, or a board is unknown or cannot be emulated here.
+    """
+    prefix, _, names = text.partition(':')
+    if prefix != EMULATED or not names:
+        raise InvalidInput('devices', text, f'{EMULATED}:BOARD[,BOARD...]')
+    boards = tuple(names.split(','))
+    for board in boards:
+        check_name('devices', board, BOARDS)
+        BOARDS[board].command(Path())
+    return boards
+
+
+def build_devices(
+    trained: TrainedController, boards: Sequence[str], folder: Path, name: str
+) -> dict[str, str]:
+    """Build the images of all voxels; return the address of each voxel's emulated board.
+
+    Args:
+        trained: the controller, in the arithmetic of the firmware.
+        boards: names of boards; voxels take them in turn.
+        folder: a new folder for firmware and images.
+        name: name of the controller.
+
+    Raises:
+        InvalidInput: there is no C for the controller, or it cannot be built.
+    """
+    write_firmware(trained, folder, name)
+    addresses = {}
+    for i, voxel in enumerate(trained.morphology.voxel_names):
+        board = boards[i % len(boards)]
+        image = f'build/{board}/{UNIFORM if trained.architecture.uniform else voxel}.elf'
+        if not (folder / image).exists():
+            _make(folder, board, image)
+        addresses[voxel] = f'{EMULATED}:{board}:{folder / image}'
+    return addresses
+
+
+def _make(folder: Path, board: str, image: str) -> None:
+    """Build one image; InvalidInput with the first line of the compiler's error if that fails."""
+    try:
+        done = subprocess.run(
+            ['make', '-s', '-C', str(folder), f'BOARD={board}', image],
+            check=False, capture_output=True, text=True,
+        )
+        reason = done.stderr.strip().partition('\n')[0] if done.returncode else ''
+    except OSError as error:
+        reason = f'make: {error.strerror}'
+    if reason:
+        raise InvalidInput('board', board, f'a board that can be built for ({reason})')
