@@ -158,12 +158,7 @@ def memory(pid: int) -> tuple[float, float]:
 
 
 def measure_case(path: Path, k: int, seconds: float) -> dict:
-    """Return rate, cost, latency and memory of one graph; see `table` for the units.
-
-    To be called in a process that has not yet used ROS, as `snca walk` is when it starts a graph.
-    """
-    import rclpy  # noqa: F401
-
+    """Return rate, cost, latency and memory of one graph; see `table` for the units."""
     trained = load_controller(path)
     n = trained.morphology.n_voxels
     robot = f'robot_{n}_{k}'

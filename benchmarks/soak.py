@@ -21,7 +21,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import rclpy  # noqa: F401  # the voxels are forks that have it
 from rosbags.rosbag2 import Reader
 
 from benchmarks.graph import Observer, memory, write_controller

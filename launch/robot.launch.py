@@ -3,6 +3,7 @@
 ros2 launch snca_ros robot.launch.py controller:=FILE.npz bag:=walk.bag voxels_per_process:=1
 """
 
+import os
 import shutil
 import tempfile
 from pathlib import Path
@@ -22,6 +23,7 @@ from sim_node.model.constants import declaration, describe, value_of
 from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
 from snca_ros.controller_file import load_controller
 from snca_ros.faults import FAULTS_HELP, parse_faults
+from snca_ros.graph.child_process import PARENT
 from snca_ros.graph.description import WalkOptions, describe_graph
 
 
@@ -78,6 +80,8 @@ def _node(graph, process, params):
         arguments=list(process.names), parameters=[str(params)], output='screen',
         ros_arguments=['--enclave', graph.enclave(process.name)],
         on_exit=Shutdown() if needed else None,
+        # Launch does not end its processes when it is terminated or killed itself.
+        additional_env={PARENT: str(os.getpid())},
     )
 
 

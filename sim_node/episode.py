@@ -1,4 +1,4 @@
-"""Names of a simulation's episodes, which encode the physics, and frame_ids that contain them."""
+"""Names of episodes, which encode physics and simulation, and frame_ids that contain them."""
 
 import re
 import secrets
@@ -14,23 +14,51 @@ UNKNOWN_PHYSICS = 'unknown'
 """The physics of an episode whose name has no known form."""
 
 _LENGTH = len(EXAMPLE_EPISODE)
+_IDENTITY_BYTES = 2
 _INITIALS = {'reference': 'r', 'first': ''}
 """First letter of an episode's name by physics: all different, none a hexadecimal digit."""
 
 
-def new_episode(physics: str) -> np.ndarray:
-    """Return a new random name of an episode, (8,) uint8 of ASCII.
+def new_identity() -> str:
+    """Return a random identity of a simulation, four hexadecimal digits."""
+    return secrets.token_hex(_IDENTITY_BYTES)
 
-    It is the initial of the physics, followed by hexadecimal digits. The simulation draws a name
-    whenever it starts or is reset. Messages of sensors have it in their frame_id,
+
+class EpisodeNames:
+    """The names of the episodes of one simulation.
+
+    A name is the initial of the physics, the identity of the simulation, and hexadecimal digits
+    that change whenever the simulation is reset. Messages of sensors have it in their frame_id,
     `<voxel>@<episode>`, and voxels copy it into all their messages, so that receivers can discard
     messages of other episodes and simulations.
 
     Args:
         physics: one of `sim_node.model.physics.PHYSICS`.
+        identity: of the simulation, as from `new_identity`.
     """
-    name = (_INITIALS[physics] + secrets.token_hex(_LENGTH))[:_LENGTH]
-    return np.frombuffer(name.encode(), np.uint8)
+
+    def __init__(self, physics: str, identity: str) -> None:
+        self._begin = _INITIALS[physics] + identity
+        self._n_digits = _LENGTH - len(self._begin)
+        self._number = secrets.randbelow(16**self._n_digits)
+
+    def next(self) -> np.ndarray:
+        """Return the name of the next episode, (8,) uint8 of ASCII."""
+        self._number = (self._number + 1) % 16**self._n_digits
+        name = f'{self._begin}{self._number:0{self._n_digits}x}'
+        return np.frombuffer(name.encode(), np.uint8)
+
+
+def simulation_of_episode(name: bytes) -> str:
+    """Return the identity of an episode's simulation; empty if the form of the name is not known.
+
+    Names in old bags have the same form, but digits of no simulation.
+    """
+    physics = physics_of_episode(name)
+    if not name or physics not in _INITIALS:
+        return ''
+    begin = len(_INITIALS[physics])
+    return name[begin : begin + 2 * _IDENTITY_BYTES].decode()
 
 
 def physics_of_episode(name: bytes) -> str:

@@ -4,7 +4,7 @@ import sys
 
 from sim_node.errors import check_name
 from snca_ros import __version__
-from snca_ros.command_line import CommandParser, exit_code
+from snca_ros.command_line import CommandParser, exit_code, exiting_at_interrupt
 from snca_ros.commands import COMMANDS, load_command
 from snca_ros.graph.executables import NODES, run_node
 
@@ -32,7 +32,8 @@ def _run(name: str, argv: list[str]) -> int:
         print(f'snca_ros {__version__}', flush=True)
         return 0
     check_name('command', name, [*COMMANDS, *NODES])
-    module = load_command(name)
+    with exiting_at_interrupt():
+        module = load_command(name)
     parser = CommandParser(name, COMMANDS[name], module)
     # `ros2 run` and `ros2 launch` may append --ros-args, which only nodes use.
     if '--ros-args' in argv:

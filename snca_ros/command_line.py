@@ -3,9 +3,11 @@
 import argparse
 import importlib
 import os
+import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
+from contextlib import contextmanager
 from types import ModuleType
 from typing import Any, NoReturn
 
@@ -72,6 +74,24 @@ def exit_code(name: str, run: Callable[[], int]) -> int:
     except (BrokenExecutor, OSError) as error:  # a killed worker; a full disk, a folder gone
         print(f'snca {name}: error: {error}', file=sys.stderr)
         return 1
+
+
+@contextmanager
+def exiting_at_interrupt() -> Iterator[None]:
+    """End the process at Ctrl-C at once in this block, whose code has nothing to finish.
+
+    For imports and compiled code: a KeyboardInterrupt that is raised in one of their callbacks and
+    finalisers would be ignored.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    if before is not signal.default_int_handler:  # ignored by a shell's background jobs
+        yield
+        return
+    signal.signal(signal.SIGINT, lambda number, frame: os._exit(INTERRUPTED))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def load_module(name: str) -> ModuleType:

@@ -1,63 +1,31 @@
 """launch/robot.launch.py with stand-ins for launch and launch_ros, which PyPI does not have."""
 
-import runpy
+import os
 import shutil
 import sys
 import tempfile
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
 import yaml
-from support.paths import ROOT
+from support.stand_in_launch import defaults, describe, stand_ins
 
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import parse_morphology
 from snca_ros.cell.architecture import Architecture
 from snca_ros.controller_file import TrainedController, load_controller, save_controller
 from snca_ros.faults import Faults
+from snca_ros.graph.child_process import PARENT
 from snca_ros.graph.description import WalkOptions, describe_graph
-
-LAUNCH_FILE = ROOT / 'launch' / 'robot.launch.py'
-
-
-class Recorded:
-    """Remembers what it was made with."""
-
-    def __init__(self, *arguments, **named):
-        self.arguments, self.named = arguments, named
-
-
-class LaunchConfiguration(Recorded):
-    """The value of an argument: what was given in the context."""
-
-    def perform(self, context):
-        return context[self.arguments[0]]
-
-
-STAND_INS = {
-    'launch': ('LaunchDescription',),
-    'launch.actions': (
-        'DeclareLaunchArgument', 'OpaqueFunction', 'RegisterEventHandler', 'Shutdown',
-    ),
-    'launch.event_handlers': ('OnShutdown',),
-    'launch.substitutions': (),
-    'launch_ros': (),
-    'launch_ros.actions': ('Node',),
-}
 
 
 @pytest.fixture
 def description(monkeypatch):
     """Return what the launch file describes."""
-    for name, classes in STAND_INS.items():
-        module = ModuleType(name)
-        for kind in classes:
-            setattr(module, kind, type(kind, (Recorded,), {}))
+    for name, module in stand_ins().items():
         monkeypatch.setitem(sys.modules, name, module)
-    sys.modules['launch.substitutions'].LaunchConfiguration = LaunchConfiguration
-    return runpy.run_path(str(LAUNCH_FILE))['generate_launch_description']()
+    return describe()
 
 
 @pytest.fixture
@@ -81,12 +49,11 @@ def controller(tmp_path):
 @pytest.fixture
 def launch(description, temporary, controller):
     """Return a function that launches with some arguments given: (clean-up, nodes)."""
-    *declared, opaque = description.arguments[0]
-    defaults = {a.arguments[0]: a.named['default_value'] for a in declared}
+    *_, opaque = description.arguments[0]
 
     def run(**given):
-        assert set(given) <= set(defaults)
-        context = {**defaults, 'controller': str(controller), **given}
+        assert set(given) <= set(defaults(description))
+        context = {**defaults(description), 'controller': str(controller), **given}
         handler, *nodes = opaque.named['function'](context)
         assert type(handler).__name__ == 'RegisterEventHandler'
         assert {type(node).__name__ for node in nodes} == {'Node'}
@@ -125,6 +92,7 @@ def test_a_process_for_the_simulation_and_one_for_each_voxel(launch):
     for node in nodes:
         assert (node['package'], node['namespace']) == ('snca_ros', '/robot_11_10')
         assert node['output'] == 'screen'
+        assert node['additional_env'] == {PARENT: str(os.getpid())}
     assert [n['ros_arguments'] for n in nodes] == [
         ['--enclave', f'/robot_11_10/{name}']
         for name in ('sim_node', 'voxel_0_0', 'voxel_0_1', 'voxel_1_1')
@@ -158,10 +126,8 @@ def test_parameters_are_those_of_walk(launch, controller, tmp_path):
 
 
 def test_defaults_are_the_bundled_biped_for_half_a_minute(description, temporary):
-    *declared, opaque = description.arguments[0]
-    _, *nodes = opaque.named['function'](
-        {a.arguments[0]: a.named['default_value'] for a in declared}
-    )
+    *_, opaque = description.arguments[0]
+    _, *nodes = opaque.named['function'](defaults(description))
     given = yaml.safe_load(params_of([n.named for n in nodes]).read_text())
     simulation = given['/biped/sim_node']['ros__parameters']
     assert (len(given), simulation['duration']) == (11, 30.0)
@@ -193,6 +159,14 @@ def test_somebody_else_may_have_cleaned_up(launch):
     ('faults', 'los=0.3', "faults: got 'los', .*did you mean 'loss'"),
     ('faults', 'loss=2', 'loss: got 2.0, expected a number from 0 to 1'),
     ('faults', 'nowhere.yaml', 'nowhere.yaml'),
+    ('faults', 'death=voxel_9_9', "death: voxel: got 'voxel_9_9', expected"),
+    ('faults', 'broken_sensors=zero:voxel_9_9', "broken_sensors: voxel: got 'voxel_9_9', expected"),
+    ('terrain', 'hily-1-10-0', "terrain: got 'hily-1-10-0', .*did you mean 'hilly'"),
+    ('duration', '-1', 'duration: got -1.0, expected a number from 0 to 100000'),
+    ('duration', 'nan', 'duration: got nan, expected a number from 0 to 100000'),
+    ('storage', 'mcaps', "storage: got 'mcaps', .*did you mean 'mcap'"),
+    ('bag', '.', "bag: got '.', expected a folder that does not exist yet"),
+    ('bag', '/proc/none/bag', "bag: got '/proc/none/bag', expected a folder that can be written"),
 ])
 def test_bad_arguments_are_named_and_leave_nothing(launch, temporary, name, value, complaint):
     with pytest.raises(InvalidInput, match=complaint):

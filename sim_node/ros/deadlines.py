@@ -1,11 +1,37 @@
-"""Deadlines of steps in real time, and statistics of step times; monotonic times in [s]."""
+"""Deadlines of steps, statistics of step times, and the time that limits count, all in [s]."""
 
+import time
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 
 _LAG_LIMIT = 1.0
+_GAP = 0.2
 _WINDOW = 3600  # steps
+
+
+class ListeningTime:
+    """The time in which a process could listen, which limits on the silence of others count.
+
+    A process that was stopped or did not get a processor finds messages in its queues when it runs
+    again, and must not judge others by the interval before it has read them. So intervals of more
+    than 0.2 s between two calls of `now` do not count; the owner calls it more often than that.
+
+    Args:
+        clock: returns a monotonic time.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock, self._last, self._counted = clock, clock(), 0.0
+
+    def now(self) -> float:
+        """Return the time since the object was made, without the intervals that do not count."""
+        now = self._clock()
+        interval, self._last = now - self._last, now
+        if interval <= _GAP:
+            self._counted += interval
+        return self._counted
 
 
 class Pace:

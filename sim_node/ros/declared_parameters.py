@@ -3,10 +3,12 @@
 from dataclasses import replace
 from typing import Any, TypeVar
 
-from sim_node.errors import InvalidInput
+from sim_node.errors import InvalidInput, near_miss
 from sim_node.model.constants import describe
 from sim_node.ros.interface import Parameters
 from sim_node.ros.node_base import RosNode
+
+_OF_ROS = ('use_sim_time', 'start_type_description_service')
 
 _Options = TypeVar('_Options')
 
@@ -40,3 +42,15 @@ def declare(node: RosNode, parameters: Parameters, defaults: _Options) -> _Optio
         return replace(changed, **values)
     except InvalidInput as error:
         raise error.found_in(node.where()) from None
+
+
+def check_unknown_parameters(node: RosNode) -> None:
+    """Raise InvalidInput if a value was given for a parameter that the node has not declared."""
+    for name, override in node._parameter_overrides.items():
+        if name in _OF_ROS or node.has_parameter(name):
+            continue
+        names = sorted(set(node._parameters) - set(_OF_ROS))
+        expected = f'one of {", ".join(names)}' + near_miss(name, names)
+        if name.startswith('qos_overrides.'):
+            expected = 'no such parameter: the QoS of topics is fixed, see docs/graph.md'
+        raise InvalidInput(f'parameter {name}', override.value, expected, node.where())

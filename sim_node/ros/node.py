@@ -12,57 +12,70 @@ from functools import partial
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import JointState
-from std_srvs.srv import SetBool, Trigger
 
 from sim_node.control_time import CONTROL_RATE, START_STEPS
-from sim_node.episode import new_episode
+from sim_node.episode import EpisodeNames
 from sim_node.errors import InvalidInput
 from sim_node.numerics.jit import warm_up
 from sim_node.ros import topics
 from sim_node.ros.actuation_buffer import Answers
 from sim_node.ros.deadlines import Pace, StepTimes
+from sim_node.ros.declared_parameters import check_unknown_parameters
 from sim_node.ros.delivery import delivery_statistics
 from sim_node.ros.node_base import RosNode, run_nodes
 from sim_node.ros.parameters import options_of, simulation_of
 from sim_node.ros.publishers import Broadcast
-from sim_node.ros.sim_interface import ACTUATION, PAUSE, RESET, SIM_NODE, STEP
+from sim_node.ros.services import create_services
+from sim_node.ros.sim_interface import ACTUATION, SIM_NODE
+from sim_node.ros.start import Start
+from sim_node.ros.strangers import Strangers
 from sim_node.simulation import Diverged
 
 _SLOW = 0.5  # seconds after which the diagnostics name the voxels without an answer
+_WATCH_PERIOD = 0.1  # seconds between checks for silent voxels
 _SOON = 1000  # nanoseconds until a step whose deadline has passed
-_FAILED = 1
+_STOPPED = 1  # exit code
 
 
 class SimNode(RosNode):
-    """A ROS node that simulates one robot's body in its world."""
+    """A ROS node that simulates one robot's body in its world.
+
+    Attributes:
+        simulation: the body and its world.
+        begun: whether the first episode has begun.
+        paused: whether steps are made only on request.
+    """
 
     def __init__(self) -> None:
         super().__init__(SIM_NODE.name)
+        self._start = Start(self)
+        self._strangers = Strangers(self, self.get_logger().warning)
         self.simulation = simulation_of(self)
         self._options = options_of(self)
-        self.check_unknown_parameters()
+        check_unknown_parameters(self)
         self._voxels = self.simulation.morphology.voxel_names
         warm_up('simulation', lambda: self.simulation.step(np.zeros(len(self._voxels))))
         self._make_topics()
-        self._make_services()
+        create_services(self, self)
         factor = self._options.real_time_factor
         self._real_time = factor > 0.0
         self._answers = Answers(self._voxels, hold=self._real_time)
-        self._begun, self._paused = False, self._options.start_paused
+        self._names = EpisodeNames(self.simulation.solver.physics, self._start.identity)
+        self.begun, self.paused = False, self._options.start_paused
         self._requested_steps: int | None = None
-        self._waiting_since = time.monotonic()
+        self._waiting_since = self.listening.now()
         self._reported_step = -1
         self._times = StepTimes()
         self._pace = Pace(CONTROL_RATE * (factor or 1.0))  # used in real time only
         self._tick_timer = self.create_timer(1.0, self._tick, autostart=False)
-        self.create_timer(0.25, self._watch)
-        if self._options.recorders:
-            self._start_timer = self.create_timer(0.02, self._begin_if_recorded)
-        else:
-            self._begin()
+        self.create_timer(_WATCH_PERIOD, self._watch)
+        self._start.begin_when_possible(
+            self._begin_first, lambda: self._broadcast.unrecorded_topics(self._options.recorders),
+            self._options.start_limit,
+        )
 
     def _make_topics(self) -> None:
-        self._broadcast = Broadcast(self, self.simulation)
+        self._broadcast = Broadcast(self, self.simulation, self._options.clock)
         self._actuation_wires = [topics.actuation_format(voxel) for voxel in self._voxels]
         for i, voxel in enumerate(self._voxels):
             self.create_subscription(
@@ -70,31 +83,22 @@ class SimNode(RosNode):
                 partial(self._on_actuation, i), topics.stream_qos(topics.QUEUE), raw=True,
             )
 
-    def _make_services(self) -> None:
-        self.create_service(Trigger, RESET.name, self._serve_reset)
-        self.create_service(SetBool, PAUSE.name, self._serve_pause)
-        self.create_service(Trigger, STEP.name, self._serve_step)
+    @property
+    def step(self) -> int:
+        """Return the present control step."""
+        return self.simulation.step_count
 
-    def _begin_if_recorded(self) -> None:
-        """Begin as soon as every recorder has subscribed to all topics."""
-        missing = self._broadcast.unrecorded_topics(self._options.recorders)
-        limit = self._options.start_limit
-        if not missing:
-            self._start_timer.cancel()
-            self._begin()
-        elif time.monotonic() - self._waiting_since > limit:
-            self.get_logger().error(
-                f'after {limit:g} s recorders have not subscribed to: {", ".join(missing)}'
-            )
-            self.exit_code = _FAILED
+    def _begin_first(self) -> None:
+        self._broadcast.settle()
+        self.begin()
 
-    def _begin(self) -> None:
+    def begin(self) -> None:
         """Begin an episode: put the robot down, wait for every voxel again, publish step 0."""
-        self._episode = new_episode(self.simulation.solver.physics)
-        self._begun, self._requested_steps = True, None
+        self._episode = self._names.next()
+        self.begun, self._requested_steps = True, None
         if not self._real_time:
             self._answers.silent.clear()
-        self._answers.restart(time.monotonic())
+        self._answers.restart(self.listening.now())
         self._tick_timer.cancel()
         self._times.restart()
         self._readings = self.simulation.reset()
@@ -103,7 +107,7 @@ class SimNode(RosNode):
     def _publish_step(self) -> None:
         """Publish state and sensors at the present step and start to wait for actuation."""
         self._answers.open_step()
-        self._waiting_since = time.monotonic()
+        self._waiting_since = self.listening.now()
         self._broadcast.publish_state()
         duration = self._options.duration
         if duration and self.simulation.step_count >= duration * CONTROL_RATE:
@@ -118,7 +122,7 @@ class SimNode(RosNode):
             episode, sent, a = topics.read_joint_state(
                 self._actuation_wires[i], data, -1.0, 1.0
             )
-            is_current = self._begun and episode == self._episode.tobytes()
+            is_current = self.begun and episode == self._episode.tobytes()
             if is_current and sent > step:
                 raise InvalidInput('stamp', f'step {sent}', f'at most step {step}')
         except InvalidInput as error:
@@ -128,7 +132,7 @@ class SimNode(RosNode):
             self.count('actuation of another episode')
             return
         was_silent = voxel in self._answers.silent
-        if not self._answers.take(i, sent, a[0], step, time.monotonic()):
+        if not self._answers.take(i, sent, a[0], step, self.listening.now()):
             self.count('late or repeated actuation')
         if was_silent and voxel not in self._answers.silent:
             self.get_logger().info(f'{voxel} answers again')
@@ -138,13 +142,13 @@ class SimNode(RosNode):
     def _advance_if_ready(self) -> None:
         """Make the next step in lock-step if all voxels but the silent ones have answered."""
         waiting = self._free_running or self._answers.missing
-        if self._begun and not waiting and not self._halted:
+        if self.begun and not waiting and not self._halted:
             self._make_step()
 
     @property
     def _halted(self) -> bool:
         """Return whether the node has ended, or is paused without a requested step."""
-        return self.exit_code is not None or (self._paused and not self._requested_steps)
+        return self.exit_code is not None or (self.paused and not self._requested_steps)
 
     @property
     def _free_running(self) -> bool:
@@ -157,21 +161,20 @@ class SimNode(RosNode):
         try:
             self._readings = self.simulation.step(actuation)
         except Diverged as error:
-            self.get_logger().error(f'the physics diverged: {error}')
-            self.exit_code = _FAILED
+            self.fail(f'the physics diverged: {error}')
             return
         self.count('steps')
         if self.simulation.step_count > START_STEPS:
             self._times.note(time.monotonic())
         self._publish_step()
-        if self._real_time and self.simulation.step_count == START_STEPS and not self._paused:
+        if self._real_time and self.simulation.step_count == START_STEPS and not self.paused:
             self._run_freely()
 
     def _run_freely(self) -> None:
         """Start the deadlines of real time, at the beginning or after a pause."""
         now = time.monotonic()
         self._pace.start(self.simulation.step_count, now)
-        self._answers.restart_timeouts(now)
+        self._answers.restart_timeouts(self.listening.now())
         self._times.restart()
         self._await_tick()
 
@@ -189,7 +192,7 @@ class SimNode(RosNode):
         if now >= self._pace.due(step):
             self._pace.note(step, now)
             limit = max(self._options.hold_limit, 2.0 * self._pace.period)
-            if silent := self._answers.mark_silent(now, limit):
+            if silent := self._answers.mark_silent(self.listening.now(), limit):
                 self.get_logger().error(f'limp, silent for {limit:g} s: {", ".join(silent)}')
                 self.publish_diagnostics()
             self._make_step()
@@ -197,7 +200,7 @@ class SimNode(RosNode):
 
     def _watch(self) -> None:
         """Report voxels that have not answered for too long; stop or continue without them."""
-        step, waited = self.simulation.step_count, time.monotonic() - self._waiting_since
+        step, waited = self.simulation.step_count, self.listening.now() - self._waiting_since
         missing = self._answers.missing
         if not missing or self._halted or self._free_running:
             return
@@ -213,10 +216,9 @@ class SimNode(RosNode):
         )
         self._answers.silent.update(missing)
         if not self._real_time and self._options.on_silence == 'stop':
-            self.exit_code = _FAILED
+            self.exit_code = _STOPPED
         elif not self._real_time and len(self._answers.silent) == len(self._voxels):
-            self.get_logger().error('every voxel is silent')
-            self.exit_code = _FAILED
+            self.fail('every voxel is silent')
         else:
             self._advance_if_ready()
 
@@ -231,17 +233,30 @@ class SimNode(RosNode):
         self.wait_for_readers(self._broadcast.publishers)
 
     def health(self) -> tuple[bytes, str]:
-        """Return the state for /diagnostics."""
+        """Return the state for /diagnostics, and which other nodes publish its topics."""
+        level, text = self._state()
+        if strangers := self._strangers.text(p.topic_name for p in self._broadcast.publishers):
+            return max(level, DiagnosticStatus.WARN), f'{text}; {strangers}'
+        return level, text
+
+    def _state(self) -> tuple[bytes, str]:
         step = self.simulation.step_count
         if silent := self._answers.silent:
             return DiagnosticStatus.ERROR, f'silent: {", ".join(sorted(silent))}'
-        if self._paused:
+        if not self.begun:
+            return DiagnosticStatus.OK, 'not begun'
+        if self.paused:
             return DiagnosticStatus.OK, f'paused, step {step}'
-        waiting = self._begun and not self._free_running and self.exit_code is None
-        if waiting and time.monotonic() - self._waiting_since > _SLOW:
+        waiting = self.begun and not self._free_running and self.exit_code is None
+        if waiting and self.listening.now() - self._waiting_since > _SLOW:
             missing = ', '.join(self._answers.missing)
             return DiagnosticStatus.WARN, f'step {step} waits for {missing}'
         return DiagnosticStatus.OK, f'running, step {step}'
+
+    def publish_diagnostics(self) -> None:
+        """Publish the state, unless another simulation of this name does."""
+        if self._start.alone:
+            super().publish_diagnostics()
 
     def statistics(self) -> Mapping[str, object]:
         """Return step times, missed deadlines and delivery statistics for /diagnostics."""
@@ -252,41 +267,23 @@ class SimNode(RosNode):
         }
         return {**self._times.summary(), **missed, **delivery_statistics(deliveries)}
 
-    def _serve_reset(self, request: Trigger.Request, response: Trigger.Response):
-        if not self._begun:
-            response.success, response.message = False, 'still waiting for recorders'
-            return response
-        self._begin()
-        response.success, response.message = True, 'at step 0'
-        return response
-
-    def _serve_pause(self, request: SetBool.Request, response: SetBool.Response):
-        self._paused, self._requested_steps = request.data, None
-        self._waiting_since = time.monotonic()
+    def pause(self, paused: bool) -> None:
+        """Pause, or continue."""
+        self.paused, self._requested_steps = paused, None
+        self._waiting_since = self.listening.now()
         self._times.restart()
-        response.success = True
-        response.message = f'{"paused" if request.data else "running"} at step ' + str(
-            self.simulation.step_count
-        )
         self._resume()
-        return response
 
-    def _serve_step(self, request: Trigger.Request, response: Trigger.Response):
-        if not self._paused or not self._begun:
-            response.success = False
-            response.message = 'not paused' if self._begun else 'still waiting for recorders'
-            return response
+    def request_step(self) -> None:
+        """Make one step while paused, as soon as all voxels have answered."""
         self._requested_steps = (self._requested_steps or 0) + 1
-        response.success = True
-        response.message = f'one step from step {self.simulation.step_count}'
         self._resume()
-        return response
 
     def _resume(self) -> None:
         """Make the steps that a service call has made possible."""
         if not self._free_running:
             self._advance_if_ready()
-        elif not self._paused:
+        elif not self.paused:
             self._run_freely()
         elif self._requested_steps:
             self._make_step()

@@ -2,7 +2,6 @@
 
 import os
 import platform
-import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -27,18 +26,19 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from rclpy.timer import Timer
 
-from sim_node.errors import InvalidInput, near_miss
+from sim_node.errors import InvalidInput
 from sim_node.ros import security
+from sim_node.ros.deadlines import ListeningTime
 from sim_node.ros.interface import DIAGNOSTICS, DIAGNOSTICS_PERIOD
+from sim_node.ros.stop_signals import StopRequest
 
 BAD_INPUT = 2
 
+_FAILED = 1
 _STOP_LATENCY = 0.1  # seconds between checks for a signal
 _SPIN_PERIOD = 60.0  # seconds; without a timeout EventsExecutor busy-waits
 _DRAIN_LIMIT = 3.0
 _READERS_LIMIT = 2.0
-
-_ALLOWED_UNDECLARED = ('use_sim_time', 'start_type_description_service')
 
 
 class RosNode(Node):
@@ -46,6 +46,7 @@ class RosNode(Node):
 
     Attributes:
         ended: future that is done as soon as `exit_code` is set.
+        listening: the time that limits count; nodes with limits call it at least every 0.2 s.
         counters: counts by name that /diagnostics shows, see `count`.
     """
 
@@ -53,6 +54,7 @@ class RosNode(Node):
         self._taken_by_node: list[Subscription] = []
         super().__init__(name, **options)
         self.ended = Future()
+        self.listening = ListeningTime()
         self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS.name, 10)
         self.create_timer(DIAGNOSTICS_PERIOD, self.publish_diagnostics)
         self.counters: dict[str, int] = {}
@@ -89,6 +91,11 @@ class RosNode(Node):
     def exit_code(self, code: int) -> None:
         self.ended.set_result(code)
 
+    def fail(self, reason: str) -> None:
+        """Log an error, and end the process with exit code 1."""
+        self.get_logger().error(reason)
+        self.exit_code = _FAILED
+
     def create_timer(
         self,
         timer_period_sec: float,
@@ -98,8 +105,8 @@ class RosNode(Node):
         autostart: bool = True,
     ) -> Timer:
         """Create a timer on wall time, which continues while simulated time stands still."""
-        clock = clock or Clock(clock_type=ClockType.STEADY_TIME)
-        return super().create_timer(timer_period_sec, callback, callback_group, clock, autostart)
+        steady = clock or Clock(clock_type=ClockType.STEADY_TIME)
+        return super().create_timer(timer_period_sec, callback, callback_group, steady, autostart)
 
     def parameter(
         self,
@@ -152,15 +159,6 @@ class RosNode(Node):
         ):
             raise InvalidInput(name, given, expected, self.where()) from None
 
-    def check_unknown_parameters(self) -> None:
-        """Raise InvalidInput if a value was given for a parameter that was not declared."""
-        for name, override in self._parameter_overrides.items():
-            ignored = name in _ALLOWED_UNDECLARED or name.startswith('qos_overrides.')
-            if not ignored and not self.has_parameter(name):
-                known = sorted(set(self._parameters) - set(_ALLOWED_UNDECLARED))
-                expected = f'one of {", ".join(known)}' + near_miss(name, known)
-                raise InvalidInput(f'parameter {name}', override.value, expected, self.where())
-
     def where(self) -> str:
         """Return the source of the parameters for errors: parameter files and the node's name."""
         files = [b for a, b in zip(sys.argv, sys.argv[1:], strict=False) if a == '--params-file']
@@ -181,11 +179,11 @@ class RosNode(Node):
 
     def wait_for_readers(self, publishers: Sequence[Any]) -> None:
         """Wait up to 2 s until subscribers have acknowledged all published messages."""
-        deadline = time.monotonic() + _READERS_LIMIT
+        waited = ListeningTime()
         for publisher in (*publishers, self._diagnostics):
-            remaining = deadline - time.monotonic()
-            if remaining > 0.0 and publisher.get_subscription_count():
-                publisher.wait_for_all_acked(Duration(seconds=remaining))
+            while publisher.get_subscription_count() and waited.now() < _READERS_LIMIT:
+                if publisher.wait_for_all_acked(Duration(seconds=_STOP_LATENCY)):
+                    break
 
     def close(self) -> None:
         """Finish pending work before the node is destroyed; nodes override it."""
@@ -225,18 +223,6 @@ def new_executor() -> Executor:
     return EventsExecutor()
 
 
-class _Stop:
-    """Records SIGINT and SIGTERM, so that nodes can end while their context is still valid."""
-
-    def __init__(self) -> None:
-        self.requested = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._note)
-
-    def _note(self, number: int, frame: object) -> None:
-        self.requested = True
-
-
 def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> int:
     """Spin nodes until one of them ends, or until Ctrl-C or SIGTERM; return the exit code.
 
@@ -244,7 +230,7 @@ def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> i
         make_nodes: makes the nodes; may raise InvalidInput.
         argv: command line after the program name, with --ros-args.
     """
-    stop = _Stop()
+    stop = StopRequest()
     nodes: Sequence[RosNode] = ()
     secured = False
     try:
@@ -277,8 +263,8 @@ def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> i
     check_end()
     while not end.done():
         executor.spin_until_future_complete(end, _SPIN_PERIOD)
-    deadline = time.monotonic() + _DRAIN_LIMIT
-    while any(node.draining() for node in nodes) and time.monotonic() < deadline:
+    drained = ListeningTime()
+    while any(node.draining() for node in nodes) and drained.now() < _DRAIN_LIMIT:
         executor.spin_once(_STOP_LATENCY)
     for node in nodes:
         node.publish_diagnostics()

@@ -6,24 +6,30 @@ import numpy as np
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
 from sim_node.control_time import CONTROL_RATE, MARKER_PERIOD, stamp_of_step
 from sim_node.ros import topics
-from sim_node.ros.sim_interface import ACTUATION, CLOCK, MARKERS, ODOMETRY, SENSORS
+from sim_node.ros.clock_topic import ClockTopic
+from sim_node.ros.sim_interface import ACTUATION, MARKERS, ODOMETRY, SENSORS
 from sim_node.simulation import Simulation
 
 
 class Broadcast:
-    """The publishers of a simulation, owned by its node."""
+    """The publishers of a simulation, owned by its node.
 
-    def __init__(self, node: Node, simulation: Simulation) -> None:
+    Args:
+        node: the node.
+        simulation: the simulation.
+        clock: name of the topic of simulated time, as for `ClockTopic`.
+    """
+
+    def __init__(self, node: Node, simulation: Simulation, clock: str) -> None:
         self._node, self._simulation = node, simulation
         qos = topics.stream_qos()
-        self._clock = node.create_publisher(Clock, CLOCK.name, qos)
-        self._clock_wire = topics.clock_format()
+        self._clock = ClockTopic(node, clock)
+        self.settle = self._clock.settle
         self._odometry = node.create_publisher(Odometry, ODOMETRY.name, qos)
         self._odometry_wire = topics.odometry_format(simulation.morphology.name)
         self._markers = node.create_publisher(MarkerArray, MARKERS.name, qos)
@@ -40,10 +46,12 @@ class Broadcast:
     def publishers(self) -> Sequence[Publisher]:
         """Return all publishers."""
         sensors = [publisher for publisher, _ in self._sensors]
-        return [self._odometry, self._markers, self._clock, *sensors]
+        return [self._odometry, self._markers, self._clock.publisher, *sensors]
 
     def unrecorded_topics(self, recorders: int) -> list[str]:
         """Return the topics to which fewer than `recorders` recorders have subscribed."""
+        if not recorders:
+            return []
         names = [self._odometry.topic_name]
         for voxel in self._simulation.morphology.voxel_names:
             for topic in (ACTUATION, SENSORS):
@@ -60,7 +68,7 @@ class Broadcast:
         simulation = self._simulation
         step = simulation.step_count
         stamp = stamp_of_step(step)
-        self._clock.publish(self._clock_wire.encode(stamp))
+        self._clock.publish(stamp)
         self._odometry.publish(
             self._odometry_wire.encode(
                 stamp,

@@ -15,7 +15,13 @@ from sim_node.ros.interface import DIAGNOSTICS, ROSOUT, NodeInterface, Parameter
 
 _EACH_STEP = f'every control step, {CONTROL_RATE} per simulated second'
 
-CLOCK = Topic('/clock', 'rosgraph_msgs/msg/Clock', _EACH_STEP, 'simulated time')
+CLOCK = Topic(
+    '/clock', 'rosgraph_msgs/msg/Clock', _EACH_STEP,
+    'simulated time; on `<robot>/clock` if another node publishes /clock already',
+)
+OWN_CLOCK = 'clock'
+"""The topic of simulated time of a robot while another node publishes /clock."""
+
 ODOMETRY = Topic(
     'odometry', 'nav_msgs/msg/Odometry', _EACH_STEP,
     "robot's centre [m] and velocity [m/s], x forward, z up; frame `world`",
@@ -36,6 +42,11 @@ ACTUATION = Topic(
     'answer to the `sensors` of the same stamp: name = the voxel; position = [a] in [-1, 1], '
     '1 contracts, -1 expands',
     of_voxel=True,
+)
+PRESENCE = Topic(
+    '_simulation_*', 'std_msgs/msg/String', 'twice per second of wall time',
+    'hidden topic of one simulation: * = its identity, the four digits that the names of its '
+    'episodes have in common; host, process id, and `starting` or `running`',
 )
 
 
@@ -93,6 +104,10 @@ class RunOptions(Checked):
     recorders: int = constant(
         0, 0, 10, 'recorders that must have subscribed before step 0 is published'
     )
+    clock: str = text_value(
+        '', 'topic of simulated time; default: /clock, or <robot>/clock if another node publishes '
+        '/clock already', 'name of a topic',
+    )
     start_paused: bool = flag(False, 'start paused: wait for the service `pause` (false) or `step`')
 
 
@@ -113,7 +128,7 @@ SIM_NODE = NodeInterface(
     'their actuation (or, in real time, until the step is due), and makes the step.',
     'ros2 run snca_ros sim_node --ros-args -r __ns:=/<robot> -p <parameter>:=<value>',
     parameters=(CONTROLLER, WORLD, RUN, FAULTS, SOLVER, MATERIAL),
-    publishes=(SENSORS, ODOMETRY, MARKERS, CLOCK, DIAGNOSTICS, ROSOUT),
-    subscribes=(ACTUATION,),
+    publishes=(SENSORS, ODOMETRY, MARKERS, CLOCK, PRESENCE, DIAGNOSTICS, ROSOUT),
+    subscribes=(ACTUATION, PRESENCE),
     serves=(RESET, PAUSE, STEP),
 )

@@ -16,15 +16,16 @@ from sim_node.model.morphology import parse_morphology
 from sim_node.ros import security
 from sim_node.ros.sim_interface import BodyOptions
 from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
-from snca_ros.command_line import INTERRUPTED
+from snca_ros.command_line import INTERRUPTED, exiting_at_interrupt
 from snca_ros.commands.declared_options import add_option
 from snca_ros.commands.report import print_report
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.episode import run_episode
 from snca_ros.faults import FAULTS_HELP, Faults, parse_faults
-from snca_ros.files import FIGURE, check_new_bag
+from snca_ros.files import FIGURE
 from snca_ros.graph.description import Graph, WalkOptions, describe_graph, robot_name
 from snca_ros.graph.live_view import LiveView
+from snca_ros.graph.lookout import Lookout
 from snca_ros.graph.processes import RunningGraph
 from snca_ros.graph.supervisor import supervise_walk
 from snca_ros.nodes.interfaces import ViewOptions
@@ -84,8 +85,6 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     _check_shape(path, trained, args.shape)
     robot = args.robot or robot_name(trained.morphology)
     bag = args.bag or Path('bags') / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'
-    if not args.no_bag:
-        check_new_bag(bag)
     engine = args.engine
     faults = parse_faults(args.faults)
     options = WalkOptions(
@@ -94,10 +93,13 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         simulation={} if args.view is None else {'recorders': 2 - args.no_bag},
     )
     graph = describe_graph(path, trained, options)
-    # This also checks all names and compiles the cells before the processes need them.
-    offline = _offline_centers(
-        trained, args.terrain or trained.terrain, engine, args.duration, faults
-    )
+    lookout = Lookout(robot, graph.enclave('walk'), 'network' if args.only else 'loopback')
+    # This also compiles the cells before the processes need them.
+    with exiting_at_interrupt():
+        offline = _offline_centers(
+            trained, args.terrain or trained.terrain, engine, args.duration, faults
+        )
+        lookout.check()
     open_view = None
     if args.view is not None:
         open_view = partial(LiveView, args.view, trained, args.terrain or trained.terrain)

@@ -11,13 +11,16 @@ from typing import Any
 
 import yaml
 
-from sim_node.engine import DEFAULT_ENGINE
+from sim_node.engine import DEFAULT_ENGINE, check_engine
 from sim_node.errors import InvalidInput
+from sim_node.model.body_faults import BodyFaults, FaultsOfBody
 from sim_node.model.constants import Checked, constant, same_as
 from sim_node.model.morphology import DIRECTIONS, Morphology
+from sim_node.model.terrain import parse_terrain
 from sim_node.ros.sim_interface import SIM_NODE, RunOptions
 from snca_ros.controller_file import TrainedController
-from snca_ros.faults import NO_FAULTS, Faults
+from snca_ros.faults import NO_FAULTS, CellFaults, Faults
+from snca_ros.files import check_new_bag
 from snca_ros.nodes.interfaces import RECORDER_NODE, VOXEL_NODE, RecorderOptions
 
 
@@ -124,9 +127,11 @@ def describe_graph(
         options: of the walk.
 
     Raises:
-        InvalidInput: the robot's name is no ROS name, or `only` names no voxels of this robot.
+        InvalidInput: the robot's name is no ROS name, `only` names no voxels of this robot, or a
+            process would refuse its parameters.
     """
     morphology = trained.morphology
+    _check_parameters(trained, options)
     k = options.voxels_per_process
     robot = options.robot or robot_name(morphology)
     if not (robot.isascii() and robot.isidentifier()):
@@ -153,6 +158,19 @@ def describe_graph(
         ),
         recorder,
     )
+
+
+def _check_parameters(trained: TrainedController, options: WalkOptions) -> None:
+    """Check what the processes check when they start, so that none is started in vain."""
+    parse_terrain(options.terrain or trained.terrain)
+    check_engine(options.engine or DEFAULT_ENGINE, trained.solver)
+    run = {'duration': options.duration, 'real_time_factor': options.real_time_factor}
+    RunOptions(**{**run, **options.simulation})
+    n_sensors = len(trained.architecture.sensors)
+    BodyFaults(trained.morphology, FaultsOfBody(**options.faults.of_body), n_sensors)
+    CellFaults(options.faults, trained.morphology)
+    if options.bag:
+        check_new_bag(Path(options.bag))
 
 
 def choose_voxels(morphology: Morphology, only: str) -> tuple[str, ...]:

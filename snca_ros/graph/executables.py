@@ -1,10 +1,10 @@
 """The executables that run ROS nodes, by the names that `ros2 run` and `snca` use."""
 
-import signal
 from pkgutil import resolve_name
 
 from sim_node.errors import InvalidInput
 from sim_node.ros.interface import node_help
+from sim_node.ros.stop_signals import exit_at_stop_signals
 from snca_ros.command_line import exit_code, load_module
 from snca_ros.graph.child_process import end_with_parent
 
@@ -25,6 +25,7 @@ _TAKE_NAMES = ('voxel_node',)  # of the nodes to run
 
 def run_node(name: str, argv: list[str]) -> int:
     """Run a node in this process until it ends; return the exit code."""
+    exit_at_stop_signals(0)  # until the node installs its own handlers, it has nothing to finish
     own = argv[: argv.index('--ros-args')] if '--ros-args' in argv else argv
     if '-h' in own or '--help' in own:
         print(node_help(resolve_name(_INTERFACES[name])), flush=True)
@@ -37,10 +38,4 @@ def _run(name: str, argv: list[str], own: list[str]) -> int:
         expected = f"nothing before --ros-args, which takes parameters: 'snca {name} --help'"
         raise InvalidInput('arguments', ' '.join(own), expected)
     end_with_parent()
-    # Before the node installs its own handlers there is nothing to finish: a signal just ends it.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        return load_module(NODES[name][0]).main(argv)
-    except KeyboardInterrupt:
-        return 0
+    return load_module(NODES[name][0]).main(argv)

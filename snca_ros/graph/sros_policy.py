@@ -4,14 +4,14 @@ import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
 from sim_node.ros.interface import DIAGNOSTICS, ROSOUT
-from sim_node.ros.sim_interface import ACTUATION, SENSORS, SIM_NODE
+from sim_node.ros.sim_interface import ACTUATION, CLOCK, OWN_CLOCK, PRESENCE, SENSORS, SIM_NODE
 from snca_ros.graph.description import Graph
 from snca_ros.nodes.interfaces import RECORDER_NODE
 
 _POLICY_VERSION = '0.2.0'
-_SIMULATION_TOPICS = tuple(
+_SIMULATION_TOPICS = OWN_CLOCK, *(
     topic.name for topic in SIM_NODE.publishes
-    if not topic.of_voxel and topic not in (DIAGNOSTICS, ROSOUT)
+    if not topic.of_voxel and topic not in (PRESENCE, DIAGNOSTICS, ROSOUT)
 )
 _PUBLISHED_BY_ALL = (DIAGNOSTICS.name, '/parameter_events', ROSOUT.name)
 _SERVED_BY_ALL = tuple(f'~/{name}' for name in (
@@ -50,14 +50,15 @@ def access_of_nodes(graph: Graph, messages: str) -> dict[str, Access]:
     cell_messages = tuple(f'{voxel}/{messages}' for voxel in voxels)
     access = {
         SIM_NODE.name: Access(
-            (*_SIMULATION_TOPICS, *sensors), actuation,
+            (*_SIMULATION_TOPICS, PRESENCE.name, *sensors),
+            (*actuation, CLOCK.name, PRESENCE.name),
             tuple(service.name for service in SIM_NODE.serves),
         ),
         RECORDER_NODE.name: Access((), (
             *_SIMULATION_TOPICS, *sensors, *actuation, *cell_messages, DIAGNOSTICS.name,
             ROSOUT.name,
         )),
-        'walk': Access((), (DIAGNOSTICS.name,)),
+        'walk': Access((), (DIAGNOSTICS.name, PRESENCE.name)),
         'voxels': Access(),
     }
     for voxel, values in voxels.items():
@@ -65,7 +66,7 @@ def access_of_nodes(graph: Graph, messages: str) -> dict[str, Access]:
         of_neighbors = tuple(f'{neighbor}/{messages}' for neighbor in neighbors)
         access[voxel] = Access(
             (ACTUATION.of(voxel), f'{voxel}/{messages}'),
-            (SENSORS.of(voxel), ACTUATION.of(voxel), *of_neighbors),
+            (SENSORS.of(voxel), ACTUATION.of(voxel), PRESENCE.name, *of_neighbors),
         )
     return access
 

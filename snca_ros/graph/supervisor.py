@@ -13,6 +13,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from sim_node.control_time import CONTROL_RATE
 from sim_node.ros.interface import DIAGNOSTICS
+from sim_node.ros.stop_signals import StopRequest
 from snca_ros.graph.description import Graph, NodeProcess, WalkOptions
 from snca_ros.graph.environment import graph_environment
 from snca_ros.graph.network import await_network
@@ -52,13 +53,16 @@ def supervise_walk(
 
     Returns:
         0, or 1 if a process failed.
+
+    Raises:
+        KeyboardInterrupt: SIGINT or SIGTERM has ended the walk.
     """
     environment = graph_environment('network' if options.only else 'loopback')
     os.environ.update(environment)
     if options.only:
         await_network()
-    with RunningGraph(graph, environment) as running:
-        return _watch_walk(running, options, respawn, open_view)
+    with StopRequest() as stop, RunningGraph(graph, environment) as running:
+        return _watch_walk(running, stop, options, respawn, open_view)
 
 
 def supervise_voxels(graph: Graph, respawn: bool = False) -> int:
@@ -70,12 +74,15 @@ def supervise_voxels(graph: Graph, respawn: bool = False) -> int:
 
     Returns:
         0, or 1 if a voxel failed.
+
+    Raises:
+        KeyboardInterrupt: SIGINT or SIGTERM has ended the voxels.
     """
     environment = graph_environment('network')
     os.environ.update(environment)
     await_network()
-    with RunningGraph(graph, environment) as running:
-        return _watch_voxels(running, respawn)
+    with StopRequest() as stop, RunningGraph(graph, environment) as running:
+        return _watch_voxels(running, stop, respawn)
 
 
 class _Watch:
@@ -139,6 +146,7 @@ class _Progress:
 
 def _watch_walk(
     running: RunningGraph,
+    stop: StopRequest,
     options: WalkOptions,
     respawn: bool,
     open_view: Callable[[RunningGraph], View] | None,
@@ -146,7 +154,6 @@ def _watch_walk(
     graph, watch, view = running.graph, _Watch(running, respawn), None
     assert graph.simulation is not None
     arguments = ['--ros-args', '--enclave', graph.enclave('walk')]
-    # All forks were made before this: they must not inherit a ROS context.
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node('walk', namespace=f'/{graph.robot}', enable_rosout=False)
@@ -155,6 +162,7 @@ def _watch_walk(
             view = open_view(running)
             print(f'live view: {view.address}', file=sys.stderr, flush=True)
         while running.exit_code(graph.simulation) is None:
+            stop.raise_if_requested()
             rclpy.spin_once(node, timeout_sec=0.0 if view else _POLL_PERIOD)
             if view:
                 view.spin_once()
@@ -187,10 +195,11 @@ def _can_continue(graph: Graph, watch: _Watch, real_time: bool) -> bool:
     return True
 
 
-def _watch_voxels(running: RunningGraph, respawn: bool) -> int:
+def _watch_voxels(running: RunningGraph, stop: StopRequest, respawn: bool) -> int:
     """Wait until a voxel ends because its simulation has ended, or until all voxels have failed."""
     watch = _Watch(running, respawn)
     while len(watch.given_up) < len(running.graph.voxels):
+        stop.raise_if_requested()
         time.sleep(_POLL_PERIOD)
         for process, code in watch.ended():
             if code == 0:

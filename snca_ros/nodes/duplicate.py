@@ -1,7 +1,5 @@
 """(ROS) Detects another node that publishes the actuation of the same voxel."""
 
-import time
-
 from sensor_msgs.msg import JointState
 
 from sim_node.errors import InvalidInput
@@ -28,7 +26,7 @@ class DuplicateDetector:
         self._node, self._topic = node, ACTUATION.of(voxel)
         self._wire = actuation_format(voxel)
         self._episode = b''  # of the duplicate's last message
-        self._since = time.monotonic()
+        self._since = node.listening.now()
         self._subscription = node.create_subscription(
             JointState, self._topic, self._note, stream_qos(1), raw=True
         )
@@ -41,8 +39,8 @@ class DuplicateDetector:
 
     def is_active(self, episode: bytes) -> bool:
         """Return whether a duplicate publishes in this episode, or exists and may still do so."""
-        exists = self._node.count_publishers(self._topic) > 1
-        waiting = time.monotonic() - self._since < _LISTENING_TIME
+        exists = self._node.count_publishers(self._subscription.topic_name) > 1
+        waiting = self._node.listening.now() - self._since < _LISTENING_TIME
         return exists and (self._episode == episode or waiting)
 
     def close(self) -> None:

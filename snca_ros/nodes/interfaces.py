@@ -4,7 +4,7 @@ from dataclasses import astuple, dataclass
 
 from sim_node.model.constants import Checked, choice, constant, flag, text_value
 from sim_node.ros.interface import DIAGNOSTICS, ROSOUT, NodeInterface, Parameters, Topic
-from sim_node.ros.sim_interface import ACTUATION, CLOCK, MARKERS, ODOMETRY, SENSORS
+from sim_node.ros.sim_interface import ACTUATION, CLOCK, MARKERS, ODOMETRY, PRESENCE, SENSORS
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.faults import FAULTS_OF_CELLS, Faults
 
@@ -118,12 +118,13 @@ VOXEL_NODE = NodeInterface(
     '-p controller:=<file>.npz -p neighbor.right:=voxel_1_0',
     parameters=(VOXEL, NEIGHBORS, FAULTS),
     publishes=(ACTUATION, SPIKES, VALUES, DIAGNOSTICS, ROSOUT),
-    subscribes=(SENSORS, SPIKES, VALUES, ACTUATION),
+    subscribes=(SENSORS, SPIKES, VALUES, ACTUATION, PRESENCE),
 )
 RECORDER_NODE = NodeInterface(
     'recorder_node', 'Recorder',
     'Writes every message of the namespace, and of the global topics below, into a rosbag2 bag. '
-    'Topics of the namespace that are not listed here are recorded, too, with any type.',
+    'Topics of the namespace that are not listed here are recorded, too, with any type that is '
+    'installed; hidden topics (with a name that begins with _) are not.',
     'ros2 run snca_ros recorder_node --ros-args -r __ns:=/<robot> -p bag:=<folder>',
     parameters=(RECORDER,),
     publishes=(DIAGNOSTICS, ROSOUT),

@@ -5,7 +5,6 @@ the disk is nearly full it closes the bag and ends.
 """
 
 import contextlib
-import importlib
 import time
 from collections.abc import Iterator
 from datetime import datetime
@@ -27,14 +26,15 @@ from rosbags.interfaces import (
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
-from rosbags.typesys import Stores, get_typestore
 
-from sim_node.ros.declared_parameters import declare
+from sim_node.ros.declared_parameters import check_unknown_parameters, declare
 from sim_node.ros.node_base import RosNode, run_nodes
-from sim_node.ros.sim_interface import MARKERS
+from sim_node.ros.sim_interface import CLOCK, MARKERS
+from sim_node.ros.strangers import Strangers
 from sim_node.ros.topics import stream_qos
 from snca_ros.files import RESERVE, check_new_bag, room_for
 from snca_ros.nodes.interfaces import RECORDER, RECORDER_NODE, RecorderOptions
+from snca_ros.nodes.message_definitions import MessageDefinitions, message_class
 from snca_ros.recording.streams import KINDS
 
 GLOBAL_TOPICS = tuple(t.name for t in RECORDER_NODE.subscribes if t.name.startswith('/'))
@@ -59,9 +59,11 @@ class RecorderNode(RosNode):
         super().__init__(RECORDER_NODE.name)
         new = RecorderOptions(f'bags/{datetime.now():%Y%m%d-%H%M%S}')
         options = declare(self, RECORDER, new)
-        self.check_unknown_parameters()
-        self._types = get_typestore(Stores.ROS2_JAZZY)
+        check_unknown_parameters(self)
+        self._definitions = MessageDefinitions()
+        self._strangers = Strangers(self, self.get_logger().warning, restarted=True)
         self._topics: set[str] = set()
+        self._unrecorded: dict[str, str] = {}  # their types
         self._last_message = 0.0
         self._writer = self._open(Path(options.bag), StoragePlugin[options.storage.upper()])
         self._newest_topic = time.monotonic()
@@ -78,8 +80,10 @@ class RecorderNode(RosNode):
     def _discover_topics(self) -> None:
         prefix = self.get_namespace().rstrip('/') + '/'
         for topic, types in self.get_topic_names_and_types():
-            wanted = topic.startswith(prefix) or topic in GLOBAL_TOPICS
-            if wanted and topic not in self._topics:
+            # Topics with a token that begins with _ are hidden; rosbag2 does not record them.
+            of_robot = topic.startswith(prefix) and '/_' not in topic
+            known = topic in self._topics or topic in self._unrecorded
+            if (of_robot or topic in GLOBAL_TOPICS) and not known:
                 self._record(topic, _declared_type(topic) or types[0])
         settled = self._topics and time.monotonic() - self._newest_topic > _SETTLED
         period = _SETTLED_PERIOD if settled else _DISCOVERY_PERIOD
@@ -90,28 +94,33 @@ class RecorderNode(RosNode):
             publisher for publisher in self.get_publishers_info_by_topic(topic)
             if publisher.topic_type == message_type
         ]
-        if not publishers:
+        if not publishers or not self._is_of_robot(topic, publishers):
             return
-        self._topics.add(topic)
         self._newest_topic = time.monotonic()
+        # Other nodes may publish anything: none of it must end the recorder.
         try:
-            message_class = _message_class(message_type)
-        except (ImportError, AttributeError, ValueError):
-            self.get_logger().error(
-                f'{topic} is not recorded: its type {message_type} is not installed'
+            subscribe = partial(self.create_subscription, message_class(message_type), topic)
+            text, digest = self._definitions.of(message_type, str(publishers[0].topic_type_hash))
+            connection = self._writer.add_connection(
+                topic, message_type, msgdef=text, rihs01=digest,
+                offered_qos_profiles=[_offered_qos(publisher) for publisher in publishers],
             )
-            return
-        connection = self._writer.add_connection(
-            topic, message_type, typestore=self._types,
-            offered_qos_profiles=[_offered_qos(publisher) for publisher in publishers],
-        )
-        qos = stream_qos(_QUEUE) if _declared_type(topic) else _compatible_qos(publishers)
-        self.create_subscription(
-            message_class, topic, partial(self._write, connection), qos, raw=True
-        )
+            qos = stream_qos(_QUEUE) if _declared_type(topic) else _compatible_qos(publishers)
+            subscribe(partial(self._write, connection), qos, raw=True)
+        except Exception as error:
+            self._unrecorded[topic] = message_type
+            reason = ' '.join(str(error).split())
+            self.get_logger().error(f'{topic} ({message_type}) is not recorded: {reason}')
+        else:
+            self._topics.add(topic)
+
+    def _is_of_robot(self, topic: str, publishers: list[TopicEndpointInfo]) -> bool:
+        """Return whether /clock is this robot's one; true for all other topics."""
+        own = self.get_namespace()
+        return topic != CLOCK.name or any(p.node_namespace == own for p in publishers)
 
     def _write(self, connection: Connection, data: bytes) -> None:
-        self._last_message = time.monotonic()
+        self._last_message = self.listening.now()
         if self.exit_code is None:
             with self._ending_on_error('written'):
                 self._writer.write(connection, time.time_ns(), data)
@@ -138,7 +147,7 @@ class RecorderNode(RosNode):
 
     def draining(self) -> bool:
         """Return whether messages still arrive, so that the queues are empty at the end."""
-        return time.monotonic() - self._last_message < _DRAINED
+        return self.listening.now() - self._last_message < _DRAINED
 
     def close(self) -> None:
         """Finish the bag."""
@@ -148,8 +157,17 @@ class RecorderNode(RosNode):
             self.get_logger().info(f'{self._writer.path}: {written} messages')
 
     def health(self) -> tuple[bytes, str]:
-        """Return level and text for /diagnostics: the number of recorded topics."""
-        return DiagnosticStatus.OK, f'recording {len(self._topics)} topics'
+        """Return level and text for /diagnostics: what is recorded, and what is wrong."""
+        text = f'recording {len(self._topics)} topics'
+        missing = ', '.join(f'{name} ({kind})' for name, kind in self._unrecorded.items())
+        crowded = self._strangers.text(t for t in self._topics if _declared_type(t))
+        wrong = [part for part in (missing and f'not recorded: {missing}', crowded) if part]
+        level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
+        return level, '; '.join([text, *wrong])
+
+    def statistics(self) -> dict[str, int]:
+        """Return the number of topics that cannot be recorded, for /diagnostics."""
+        return {'topics not recorded': len(self._unrecorded)} if self._unrecorded else {}
 
 
 def flush(writer: Writer) -> None:
@@ -182,12 +200,6 @@ def _compatible_qos(publishers: list[TopicEndpointInfo]) -> QoSProfile:
             DurabilityPolicy.TRANSIENT_LOCAL if transient else DurabilityPolicy.VOLATILE
         ),
     )
-
-
-def _message_class(name: str) -> type:
-    """Return the Python class of a message type such as 'sensor_msgs/msg/JointState'."""
-    package, kind, message = name.split('/')
-    return getattr(importlib.import_module(f'{package}.{kind}'), message)
 
 
 def _offered_qos(publisher: TopicEndpointInfo) -> Qos:

@@ -7,7 +7,6 @@ timers and diagnostics. In control step k it publishes message(k), then `actuati
 
 import argparse
 import sys
-import time
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -17,10 +16,11 @@ from sensor_msgs.msg import Image, JointState
 from sim_node.control_time import stamp_of_step
 from sim_node.errors import InvalidInput
 from sim_node.ros import topics
-from sim_node.ros.declared_parameters import declare
+from sim_node.ros.declared_parameters import check_unknown_parameters, declare
 from sim_node.ros.delivery import delivery_statistics
 from sim_node.ros.node_base import RosNode, run_nodes
 from sim_node.ros.sim_interface import ACTUATION, SENSORS
+from sim_node.ros.simulations import Simulations
 from snca_ros.faults import NO_FAULTS
 from snca_ros.nodes import interfaces
 from snca_ros.nodes.cell_messages import CellMessages, topic_name
@@ -43,9 +43,9 @@ class VoxelNode(RosNode):
         options = declare(self, interfaces.VOXEL, VoxelOptions(voxel=name))
         names = declare(self, interfaces.NEIGHBORS, NeighborNames()).by_direction
         faults = declare(self, interfaces.FAULTS, NO_FAULTS)
-        self.check_unknown_parameters()
+        check_unknown_parameters(self)
         self._voxel, path = options.voxel, options.controller
-        self._simulation_seen = False
+        self._simulations, self._simulation_seen = Simulations(self), False
         if options.one_walk:
             self.create_timer(_SIMULATION_PERIOD, self._end_with_simulation)
         check_names(self._voxel, names, self.where())
@@ -54,7 +54,7 @@ class VoxelNode(RosNode):
         self._architecture = part.architecture
         self._core = VoxelCore(
             part, self._neighbors, patience=options.patience, real_time=options.real_time,
-            horizon=topics.HISTORY,
+            horizon=topics.HISTORY, simulations=self._simulations,
         )
         self._mismatch = PhysicsMismatch(path, part.physics, self.get_logger().warning)
         self._create_topics()
@@ -64,7 +64,7 @@ class VoxelNode(RosNode):
         self._poll_timer = self.create_timer(POLL_PERIOD, self._try_step)
         self._poll_timer.cancel()
         # While no step is made, a flood of messages would push needed ones out of the mailboxes.
-        self.create_timer(_SWEEP_PERIOD, self._take_messages)
+        self.create_timer(_SWEEP_PERIOD, self._sweep)
 
     def _create_topics(self) -> None:
         qos, queue = topics.stream_qos(), topics.stream_qos(topics.QUEUE)
@@ -89,16 +89,28 @@ class VoxelNode(RosNode):
             episode, step, readings = topics.read_joint_state(
                 self._sensors_wire, data, 0.0, 1.0
             )
-            result = self._core.receive_sensors(episode, step, readings, time.monotonic())
+            result = self._core.receive_sensors(episode, step, readings, self.listening.now())
         except InvalidInput as error:
             self.refuse(SENSORS.of(self._voxel), error)
             return
         if result is not SensorsResult.ACCEPTED:
             self.count(result.value)
             return
+        self._use_sensors()
+
+    def _use_sensors(self) -> None:
         if self._core.joining:
             self._join_timer.reset()
         self._try_step()
+
+    def _sweep(self) -> None:
+        """Follow another simulation if the current one is gone; empty the mailboxes.
+
+        While no step is made, a flood of messages would push needed ones out of the mailboxes.
+        """
+        if self._core.follow_other_simulation(self.listening.now()):
+            self._use_sensors()
+        self._take_messages()
 
     def _join(self) -> None:
         """Take part from the newest step on, unless another node of this voxel is active."""
@@ -123,11 +135,12 @@ class VoxelNode(RosNode):
             self.count('late or repeated messages')
 
     def health(self) -> tuple[bytes, str]:
-        """Return level and text for /diagnostics: the voxel's state and a physics mismatch."""
+        """Return level and text for /diagnostics: its state, and what is wrong around it."""
         level, text = self._state()
-        if mismatch := self._mismatch.text:
-            return DiagnosticStatus.WARN, f'{text}; {mismatch}'
-        return level, text
+        ignores = self._core.episodes.ignores(self.listening.now())
+        ignored = 'sensors of another simulation are ignored' if ignores else ''
+        wrong = [part for part in (ignored, self._mismatch.text) if part]
+        return DiagnosticStatus.WARN if wrong else level, '; '.join([text, *wrong])
 
     def _state(self) -> tuple[bytes, str]:
         """Return level and text: the control step, and the neighbours that are awaited."""
@@ -139,7 +152,7 @@ class VoxelNode(RosNode):
         if overdue := core.overdue:
             return DiagnosticStatus.WARN, f'step {core.step}, silent: {self._names(overdue)}'
         if not core.unanswered:
-            age = time.monotonic() - core.since
+            age = self.listening.now() - core.since
             return DiagnosticStatus.OK, f'step {core.step}, sensors received {age:.1f} s ago'
         if not core.awaited:
             return DiagnosticStatus.OK, f'step {core.step}'
@@ -160,7 +173,7 @@ class VoxelNode(RosNode):
         if not (self._core.unanswered and self._core.joined):
             return
         self._take_messages()
-        now = time.monotonic()
+        now = self.listening.now()
         answer = self._core.answer(now)
         if answer is None:
             self._poll_timer.timer_period_ns = int(self._core.poll_period(now) * 1e9)
@@ -186,7 +199,7 @@ class VoxelNode(RosNode):
         self.count('steps')
 
     def _end_with_simulation(self) -> None:
-        exists = self.count_publishers(SENSORS.of(self._voxel)) > 0
+        exists = bool(self._simulations.others())
         if self._simulation_seen and not exists:
             self.exit_code = 0
         self._simulation_seen = exists or self._core.step >= 0

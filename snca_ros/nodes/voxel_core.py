@@ -4,7 +4,6 @@ This module does not import ROS: the voxel node passes it messages and the time,
 it returns.
 """
 
-from collections import deque
 from collections.abc import Callable, Iterable
 from enum import Enum
 from typing import NamedTuple
@@ -15,11 +14,11 @@ from sim_node.control_time import START_STEPS
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import OPPOSITE
 from sim_node.ros.delivery import Delivery
+from snca_ros.nodes.episode_choice import EpisodeChoice, Sensors, Simulations
 from snca_ros.nodes.inbox import MessageBuffer
 from snca_ros.nodes.own_part import OwnPart
 
 _JOIN_LIMIT = 0.2  # seconds after the first sensors; in real time there is no pause between them
-_MAX_PAST = 16  # names of past episodes that are kept
 _MAX_POLL_PERIOD = 0.05  # seconds; reached when the neighbour is probably dead
 _OVERDUE_STEPS = 15  # steps without a message after which the diagnostics name a neighbour
 
@@ -33,6 +32,7 @@ class SensorsResult(Enum):
     ACCEPTED = 'accepted sensors'
     REPEATED = 'repeated sensors'
     PAST = 'sensors of a past episode'
+    FOREIGN = 'sensors of another simulation'
 
 
 class Answer(NamedTuple):
@@ -54,7 +54,9 @@ class VoxelCore:
     In lock-step it steps when it has sensors(k) and its neighbours' messages(k - 1). After it has
     waited `patience` for a neighbour, it takes that neighbour as silent until a message arrives. In
     real time it steps when sensors arrive, and a missing message means silence. When the simulation
-    restarts or is reset, a new episode begins and the cell is reset.
+    restarts or is reset, a new episode begins and the cell is reset. As long as the simulation of
+    the current episode exists, sensors of another one, such as those in a bag that is played, are
+    not used.
 
     The caller must pass the messages of each neighbour in the order of publication, and only after
     the voxel has joined: older messages would displace the newest ones.
@@ -65,11 +67,12 @@ class VoxelCore:
         patience: how long it waits for a neighbour [s]; 0 means without limit.
         real_time: whether it never waits, except in the first steps.
         horizon: how many steps a message may be ahead of the newest sensors.
+        simulations: finds out which simulations exist.
 
     Attributes:
         joined: whether it takes part.
         held_back: whether it does not take part because another node publishes for this voxel.
-        episode: name of the current episode; empty before the first.
+        episodes: the current episode, and which one may follow.
         step: control step k of the newest sensors; -1 before the first.
         since: time at which they arrived [s].
         sensors_delivery, deliveries: counts of messages on time, late and lost, from the
@@ -78,25 +81,27 @@ class VoxelCore:
 
     def __init__(
         self, part: OwnPart, directions: Iterable[int], *, patience: float, real_time: bool,
-        horizon: int,
+        horizon: int, simulations: Simulations,
     ) -> None:
         self._cells, self._faults = part.cells, part.faults
         self._directional = part.architecture.directional
         self._patience, self._real_time, self._horizon = patience, real_time, horizon
-        self._buffers = {d: MessageBuffer() for d in directions}
-        self._past: deque[bytes] = deque(maxlen=_MAX_PAST)
+        self.episodes = EpisodeChoice(simulations)
+        self._buffers = {d: MessageBuffer(self.episodes.is_live) for d in directions}
         self.joined = self.held_back = False
         self.sensors_delivery, self.deliveries = Delivery(), {d: Delivery() for d in self._buffers}
-        self.episode = b''
-        self._begin_episode(b'', 0.0)
+        self._reset(0.0)
 
-    def _begin_episode(self, episode: bytes, now: float) -> None:
+    @property
+    def episode(self) -> bytes:
+        """Return the name of the current episode; empty before the first."""
+        return self.episodes.episode
+
+    def _reset(self, now: float) -> None:
         """Reset the cell for a new episode.
 
         Messages that neighbours have sent in the new episode already are kept.
         """
-        self._past.append(self.episode)
-        self.episode = episode
         self._cells.reset()
         self._faults.reset()
         self._inbox = self._cells.empty_inbox()
@@ -110,7 +115,7 @@ class VoxelCore:
     def receive_sensors(
         self, episode: bytes, step: int, readings: np.ndarray, now: float
     ) -> SensorsResult:
-        """Accept sensors unless they are repeated or of a past episode.
+        """Accept sensors unless they are repeated, of a past episode or of another simulation.
 
         Args:
             episode: name of their episode.
@@ -122,10 +127,14 @@ class VoxelCore:
             InvalidInput: the step is more than `horizon` ahead of the newest sensors.
         """
         self._check_horizon(episode, step)
-        if episode in self._past:
-            return SensorsResult.PAST
         if episode != self.episode:
-            self._begin_episode(episode, now)
+            if self.episodes.is_foreign(episode):
+                self.episodes.ignore(Sensors(episode, step, readings, now))
+                return SensorsResult.FOREIGN
+            if self.episodes.is_past(episode):
+                return SensorsResult.PAST
+            self.episodes.begin(episode)
+            self._reset(now)
         elif step <= self.step:
             self.sensors_delivery.note_late(step)
             return SensorsResult.REPEATED
@@ -134,6 +143,17 @@ class VoxelCore:
         for buffer in self._buffers.values():
             buffer.advance_to(episode, step - 1)
         return SensorsResult.ACCEPTED
+
+    def follow_other_simulation(self, now: float) -> bool:
+        """Use ignored sensors if theirs is the only simulation now; return whether it did.
+
+        Args:
+            now: the time [s].
+        """
+        kept = self.episodes.take_ignored()
+        return kept is not None and self.receive_sensors(
+            kept.episode, kept.step, kept.readings, now
+        ) is SensorsResult.ACCEPTED
 
     def receive_message(
         self, direction: int, episode: bytes, step: int, message: np.ndarray
@@ -152,7 +172,7 @@ class VoxelCore:
         self._check_horizon(episode, step)
         if episode == self.episode:
             self.deliveries[direction].note_late(step)
-        self._silent.discard(direction)
+            self._silent.discard(direction)
         return self._buffers[direction].put(episode, step, message)
 
     def _check_horizon(self, episode: bytes, step: int) -> None:

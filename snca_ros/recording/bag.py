@@ -41,7 +41,8 @@ def read_bag(path: Path | str, episode: int = -1) -> Recording:
         reference = streams[f'/{robot}/odometry']
         episode, n_episodes, streams = _one_episode(streams, f'/{robot}/odometry', episode)
         health = read_health(topics, robot)
-        for name in _absent_topics(robot, streams, health):
+        needed = {_clock(topics, robot), *_topics_of_voxels(robot, streams, health)}
+        for name in needed - set(streams):
             streams[name] = Stream.empty(KINDS[name.rpartition('/')[2]])
         arrays = _arrays(robot, streams)
         poses = None
@@ -86,6 +87,8 @@ def robot_of(topics: dict[str, Topic]) -> str:
         name[1 : -len(end)] for name, topic in topics.items()
         if name.endswith(end) and topic.type == kind and topic.messages
     ]
+    # Other nodes may publish their own odometry below the robot's namespace.
+    found = [name for name in found if not any(name.startswith(f'{other}/') for other in found)]
     if len(found) != 1:
         shown = f'odometry of {", ".join(found) or "no robot"} in {len(topics)} topics'
         raise InvalidInput('robot', shown, f'one topic /<robot>/odometry of type {kind}')
@@ -97,7 +100,7 @@ def _stamped_kinds(topics: dict[str, Topic], robot: str) -> dict[str, str]:
     kinds = {f'/{robot}/odometry': 'odometry'}
     for name in topics:
         match = _VOXEL_TOPIC.fullmatch(name.removeprefix(f'/{robot}'))
-        if name == '/clock':
+        if name == _clock(topics, robot):
             kinds[name] = 'clock'
         elif match and name.startswith(f'/{robot}/'):
             kinds[name] = match[2]
@@ -119,17 +122,23 @@ def _one_episode(
     return number, n_episodes, {k: s.episode(number, resets) for k, s in streams.items()}
 
 
-def _absent_topics(
+def _topics_of_voxels(
     robot: str, streams: dict[str, Stream], health: dict[str, NodeHealth]
 ) -> set[str]:
-    """Return the stamped topics that this robot has, by its voxels, and the bag does not."""
+    """Return the stamped topics that this robot must have, by its voxels."""
     by_health = {f'/{robot}/{node}/sensors' for node in health}
     voxels = _voxel_names({*streams, *by_health})
     kinds = {name.rpartition('/')[2] for name in streams} & {'spikes', 'values'}
     expected = {
         f'/{robot}/{voxel}/{kind}' for voxel in voxels for kind in ('sensors', 'actuation', *kinds)
     }
-    return {'/clock', *expected} - set(streams)
+    return expected
+
+
+def _clock(topics: dict[str, Topic], robot: str) -> str:
+    """Return the topic of the robot's simulated time, which may have a topic of its own."""
+    own = f'/{robot}/clock'
+    return own if own in topics else '/clock'
 
 
 def _arrays(robot: str, streams: dict[str, Stream]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from rosbags.rosbag2 import StoragePlugin
 
 from sim_node.model.constants import describe
 from sim_node.ros.interface import DIAGNOSTICS, ROSOUT
-from sim_node.ros.sim_interface import SIM_NODE
+from sim_node.ros.sim_interface import CLOCK, PRESENCE, SIM_NODE
 from snca_ros.controller_file import load_controller
 from snca_ros.graph.description import WalkOptions, describe_graph
 from snca_ros.nodes.interfaces import (
@@ -53,6 +53,7 @@ def short(found):
     for full_name, types in found:
         name = full_name.removeprefix('/robot/')
         voxel, _, rest = name.partition('/')
+        name = PRESENCE.name if name.startswith(PRESENCE.name[:-1]) else name
         topics[rest if voxel in VOXELS else name] = types
     return topics
 
@@ -69,7 +70,11 @@ def test_topics_and_services_are_those_declared(robot, node, spin_until, model, 
         return short(node.get_publisher_names_and_types_by_node(name, '/robot'))
 
     def subscribed(name):
-        return short(node.get_subscriber_names_and_types_by_node(name, '/robot'))
+        found = short(node.get_subscriber_names_and_types_by_node(name, '/robot'))
+        found.setdefault(PRESENCE.name, [PRESENCE.type])  # only while others are there
+        if name == SIM_NODE.name:
+            found.pop(CLOCK.name, None)  # only before it begins
+        return found
 
     def as_many_as_declared():
         try:
@@ -86,7 +91,7 @@ def test_topics_and_services_are_those_declared(robot, node, spin_until, model, 
     for interface, name in names.items():
         expected = types_of(interface.publishes, absent) | OF_ROS
         assert published(name) == expected, name
-        expected = types_of(interface.subscribes, absent)
+        expected = types_of({*interface.subscribes, PRESENCE}, absent)
         # A voxel stops to listen to its own actuation when it joins.
         joined = {k: v for k, v in expected.items() if k != 'actuation'}
         assert subscribed(name) in ([expected, joined] if interface is VOXEL_NODE else [expected])
@@ -133,6 +138,7 @@ def test_readers_of_bags_expect_the_types_that_are_declared():
 
 def test_every_topic_of_a_robot_is_recorded():
     sent = {t for n in (SIM_NODE, VOXEL_NODE, VIEW_NODE) for t in n.publishes}
+    sent.remove(PRESENCE)  # a hidden topic
     assert sent <= set(RECORDER_NODE.subscribes)
     assert {DIAGNOSTICS, ROSOUT} <= set(RECORDER_NODE.subscribes)
 

@@ -1,10 +1,14 @@
 """Every node ends cleanly on a signal, and reports invalid input in one line."""
 
+import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from support.paths import ROOT
+from support.processes import is_alive, wait_until
 
 from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
 from snca_ros.controller_file import load_controller
@@ -46,6 +50,25 @@ def test_ends_cleanly_while_starting(start, make_controller, tmp_path, number):
     assert 'rclpy' not in output
 
 
+def test_nodes_end_with_their_launch(make_controller, tmp_path):
+    """`ros2 launch` does not end its processes when it is terminated."""
+    bag = tmp_path / 'bag'
+    launch = subprocess.Popen(
+        [sys.executable, '-m', 'support.stand_in_launch', f'controller:={make_controller()}',
+         'duration:=0.0', f'bag:={bag}'],
+        env={**os.environ, 'PYTHONPATH': f'{ROOT}{os.pathsep}{ROOT / "test"}'},
+        stdout=subprocess.PIPE, text=True,
+    )
+    pids = [int(pid) for pid in launch.stdout.readline().split()]
+    assert len(pids) == 5
+    wait_until(bag.exists)
+    launch.terminate()
+    assert launch.wait() == -signal.SIGTERM
+    launch.stdout.close()
+    wait_until(lambda: not any(map(is_alive, pids)))
+    assert (bag / 'metadata.yaml').exists()
+
+
 BAD = {
     'unknown shape': ('sim_node', ['-p', 'morphology:=bipd'], ['morphology', "'bipd'", 'biped']),
     'unconnected grid': ('sim_node', ['-p', 'morphology:=101'], ['morphology', 'connected']),
@@ -53,6 +76,10 @@ BAD = {
     'wrong type': ('sim_node', ['-p', 'duration:=long'], ['duration', "'long'", 'float']),
     'out of range': ('sim_node', ['-p', 'material.friction:=-1.0'], ['material.friction', '-1.0']),
     'unknown parameter': ('sim_node', ['-p', 'durration:=1.0'], ['durration', "'duration'"]),
+    'QoS override': (
+        'recorder_node', ['-p', 'qos_overrides./robot/odometry.subscription.depth:=5'],
+        ['qos_overrides./robot/odometry', 'QoS of topics is fixed'],
+    ),
     'unknown policy': ('sim_node', ['-p', 'on_silence:=wait'], ['on_silence', 'go_on']),
     'unknown physics': (
         'sim_node', ['-p', 'solver.physics:=frist'], ['solver.physics', "'frist'", "'first'"]

@@ -1,5 +1,6 @@
 """SROS 2: the policy allows what nodes use and nothing else; no graph is open by mistake."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,14 @@ from snca_ros.controller_file import load_controller
 from snca_ros.graph.description import WalkOptions, describe_graph
 from snca_ros.graph.processes import RunningGraph
 from snca_ros.graph.sros_policy import policy_xml
+
+AT_TIMES = {
+    # a voxel listens for a duplicate until it takes part
+    'subscribe': [('voxel', '/robot/{}/actuation'), ('voxel', '/robot/_simulation_*'),
+                  ('sim', '/robot/_simulation_*'), ('sim', '/clock'), ('recorder', '/robot/clock')],
+    'publish': [('sim', '/robot/clock')],  # if another node publishes /clock
+}
+"""What nodes use only in some situations: topics by beginnings of the nodes' names."""
 
 SCHEMA = etree.XMLSchema(etree.parse(str(Path(__file__).parent / 'policy.xsd')))
 
@@ -37,9 +46,12 @@ def used(node, name):
     }
     if (name, '/robot') not in node.get_node_names_and_namespaces():
         return {}
-    access = {(name, verb): {t for t, _ in of(name, '/robot')} for verb, of in ask.items()}
-    if name.startswith('voxel'):  # listens for a duplicate until it takes part
-        access[name, 'subscribe'].add(f'/robot/{name}/actuation')
+    access = {
+        (name, verb): {re.sub('_simulation_.*', '_simulation_*', t) for t, _ in of(name, '/robot')}
+        for verb, of in ask.items()
+    }
+    for verb, topics in AT_TIMES.items():
+        access[name, verb] |= {t.format(name) for kind, t in topics if name.startswith(kind)}
     return access
 
 
@@ -78,7 +90,8 @@ def test_voxels_have_enclaves_and_may_subscribe_only_to_neighbours(start, make_c
     assert [e.get('path') for e in policy.iter('enclave')] == [f'/trio/{name}' for name in nodes]
     access = allowed(policy)
     assert access['voxel_0_0', 'subscribe'] == {
-        '/trio/voxel_0_0/sensors', '/trio/voxel_0_0/actuation', '/trio/voxel_1_0/spikes'
+        '/trio/voxel_0_0/sensors', '/trio/voxel_0_0/actuation', '/trio/voxel_1_0/spikes',
+        '/trio/_simulation_*',
     }
     assert access['voxel_2_0', 'publish'] == {
         '/trio/voxel_2_0/actuation', '/trio/voxel_2_0/spikes',

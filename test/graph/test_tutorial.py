@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from support.paths import ROOT
-from support.processes import wait_until
+from support.processes import children_of, wait_until
 
 BUDGET = [  # replacements that make the commands shorter
     ('--evaluations 3000', '--evaluations 36 --duration 2 --transient 1 --workers 1'),
@@ -62,7 +62,8 @@ def test_the_commands_of_the_tutorial_work(tmp_path):
         for block in commands():
             if block.startswith('pkill'):  # of all voxels of that name only this walk's
                 wait_until(lambda: size_of(tmp_path / 'bags' / 'killed' / 'killed.mcap') > 50_000)
-                finish(start(block.replace('pkill', f'pkill -P {walking.pid}')))
+                (server,) = children_of(walking.pid)
+                finish(start(block.replace('pkill', f'pkill -P {server}')))
                 finish(walking)
             elif '--real-time' in block:
                 walking = start(block)

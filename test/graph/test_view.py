@@ -2,11 +2,11 @@
 
 import json
 import re
-from pathlib import Path
 
 import numpy as np
+from rclpy.parameter_client import AsyncParameterClient
 from support.graph import offline
-from support.processes import children_of, is_alive
+from support.processes import is_alive, nodes_of
 from websockets.sync.client import connect
 
 
@@ -40,24 +40,17 @@ def level(frame):
     return frame['health'].get('voxel_1_1', [0])[0]
 
 
-def voxel_processes(pid):
-    """Return the pids of a walk's voxels of one name, forked or started again."""
-    return [
-        child for child in children_of(pid)
-        if b'voxel_1_1' in Path(f'/proc/{child}/cmdline').read_bytes()
-        or Path(f'/proc/{child}/comm').read_text().strip() == 'voxel_1_1'
-    ]
-
-
-def test_a_live_walk_is_seen_and_its_voxels_are_killed_and_revived(start, make_controller):
+def test_a_live_walk_is_seen_and_its_voxels_are_killed_and_revived(
+    start, make_controller, node, spin_until
+):
     path = make_controller('11-10')
     walk = start('walk', path, '--view', 0, '--duration', 3600, '--no-bag')
     origin = origin_of(walk)
     with connect(origin.replace('http', 'ws'), origin=origin) as socket:
-        watch_and_disturb(walk, Page(socket), offline(path, 1.0))
+        watch_and_disturb(walk, Page(socket), offline(path, 1.0), node, spin_until)
 
 
-def watch_and_disturb(walk, page, twin):
+def watch_and_disturb(walk, page, twin, node, spin_until):
     seen = page.look_until(lambda frame: frame['step'] >= 30)
     assert np.reshape(seen['corners'], (3, 4, 2))[..., 1].min() > 4.9  # on the ground
     first = page.frames[0]
@@ -67,7 +60,7 @@ def watch_and_disturb(walk, page, twin):
 
     page.command('dance')
     page.command('kill', 'nobody')
-    (victim,) = voxel_processes(walk.pid)
+    victim = nodes_of(walk.pid)['voxel_1_1']
     page.command('kill')
     page.look_until(lambda frame: level(frame) == 2)
     assert not is_alive(victim)
@@ -75,15 +68,20 @@ def watch_and_disturb(walk, page, twin):
 
     page.command('revive')
     page.look_until(lambda frame: frame['health']['voxel_1_1'][1].startswith('step'))
-    (revived,) = voxel_processes(walk.pid)
+    revived = nodes_of(walk.pid)['voxel_1_1']
     assert revived != victim
 
     page.command('noise')
     page.look_until(lambda frame: level(frame) == 2)
     page.look_until(lambda frame: frame['health']['voxel_1_1'][1].startswith('step'))
-    (disturbed,) = voxel_processes(walk.pid)
+    disturbed = nodes_of(walk.pid)['voxel_1_1']
+    assert disturbed != revived
     assert not is_alive(revived)
-    assert b'loss:=0.5' in Path(f'/proc/{disturbed}/cmdline').read_bytes()
+    parameters = AsyncParameterClient(node, '/robot_11_10/voxel_1_1')
+    spin_until(parameters.services_are_ready)
+    answer = parameters.get_parameters(['loss'])
+    spin_until(answer.done)
+    assert answer.result().values[0].double_value == 0.5
 
 
 def test_invalid_messages_do_not_end_a_walk_with_a_view(start, attack, make_controller):

@@ -3,26 +3,16 @@
 import os
 import signal
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-from support.processes import children_of, is_alive, wait_until
+from support.processes import is_alive, nodes_of, offspring, wait_until
 
 from sim_node.model.solver import Solver
 from snca_ros.controller_file import load_controller
 from snca_ros.faults import parse_faults
 from snca_ros.recording.bag import read_bag
 from snca_ros.recording.offline import record_offline
-
-
-def node_of(pid):
-    """Return the executable of a child of a walk, or the name of a forked voxel."""
-    try:
-        words = Path(f'/proc/{pid}/cmdline').read_text().split('\0') + [''] * 4
-        return words[3] if words[3] != 'walk' else Path(f'/proc/{pid}/comm').read_text().strip()
-    except OSError:
-        return ''
 
 
 @pytest.mark.parametrize(('physics', 'faults'), [
@@ -69,12 +59,12 @@ def test_walk_in_lockstep_that_is_not_its_twins_fails(start, make_controller):
 def test_killing_the_walk_leaves_no_process(start, make_controller, tmp_path, number):
     child = start('walk', make_controller('11-10'), '--duration', 3600, '--bag', 'bag')
     expected = ['recorder_node', 'sim_node', 'voxel_0_0', 'voxel_0_1', 'voxel_1_1']
-    wait_until(lambda: sorted(node_of(p) for p in children_of(child.pid)) == expected)
-    pids = children_of(child.pid)
+    wait_until(lambda: sorted(nodes_of(child.pid)) == expected)
+    processes = offspring(child.pid)
     wait_until((tmp_path / 'bag').exists)
     os.kill(child.pid, number)
     child.communicate(timeout=60)
-    wait_until(lambda: not any(map(is_alive, pids)))
+    wait_until(lambda: not any(is_alive(*process) for process in processes.items()))
     if number != signal.SIGKILL:
         assert child.returncode == 130
         assert (tmp_path / 'bag' / 'metadata.yaml').exists()
@@ -82,11 +72,8 @@ def test_killing_the_walk_leaves_no_process(start, make_controller, tmp_path, nu
 
 def test_a_killed_voxel_is_named(start, make_controller):
     child = start('walk', make_controller('11-10'), '--duration', 3600, '--no-bag')
-    wait_until(lambda: len(children_of(child.pid)) == 4)
-    (victim,) = wait_until(
-        lambda: [pid for pid in children_of(child.pid) if node_of(pid) == 'voxel_0_1']
-    )
-    os.kill(victim, signal.SIGKILL)
+    wait_until(lambda: len(nodes_of(child.pid)) == 4)
+    os.kill(nodes_of(child.pid)['voxel_0_1'], signal.SIGKILL)
     output, _ = child.communicate(timeout=90)
     assert child.returncode == 1
     assert 'voxel_0_1 ended with code -9' in output
@@ -113,24 +100,15 @@ def test_bad_input_is_named_and_nothing_starts(start, make_controller, tmp_path,
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
-def voxel_pid(walk_pid, name):
-    """Return the process id of a voxel of a walk, which is a fork or was restarted."""
-    for pid in children_of(walk_pid):
-        words = Path(f'/proc/{pid}/cmdline').read_text().split('\0')
-        if node_of(pid) == name or name in words:
-            return pid
-    return None
-
-
 def test_a_killed_voxel_is_restarted(start, make_controller, tmp_path):
     child = start(
         'walk', make_controller('11-10'), '--duration', 30, '--respawn', '--bag', 'bag'
     )
     wait_until((tmp_path / 'bag').exists)
-    first = wait_until(lambda: voxel_pid(child.pid, 'voxel_0_1'))
+    first = wait_until(lambda: nodes_of(child.pid).get('voxel_0_1'))
     wait_until(lambda: (tmp_path / 'bag' / 'bag.mcap').stat().st_size > 100_000)
     os.kill(first, signal.SIGKILL)
-    wait_until(lambda: voxel_pid(child.pid, 'voxel_0_1') not in (first, None))
+    wait_until(lambda: nodes_of(child.pid).get('voxel_0_1') not in (first, None))
     output, _ = child.communicate(timeout=120)
     assert child.returncode == 0, output
     assert 'voxel_node voxel_0_1 ended with code -9: restarted' in output
@@ -148,7 +126,7 @@ def test_real_time_walk_continues_without_a_killed_voxel(start, make_controller,
         'walk', make_controller('11-10'), '--duration', 6, '--real-time', 2, '--bag', 'bag'
     )
     wait_until((tmp_path / 'bag').exists)
-    victim = wait_until(lambda: voxel_pid(child.pid, 'voxel_0_1'))
+    victim = wait_until(lambda: nodes_of(child.pid).get('voxel_0_1'))
     wait_until(lambda: (tmp_path / 'bag' / 'bag.mcap').stat().st_size > 50_000)
     os.kill(victim, signal.SIGKILL)
     output, _ = child.communicate(timeout=90)

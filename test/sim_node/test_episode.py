@@ -10,12 +10,14 @@ from sim_node.model.physics import PHYSICS
 
 @pytest.mark.parametrize('physics', PHYSICS)
 def test_a_name_encodes_its_physics(physics):
-    names = {episode.new_episode(physics).tobytes() for _ in range(100)}
-    assert len(names) == 100
+    of_simulation = episode.EpisodeNames(physics, 'beef')
+    names = {of_simulation.next().tobytes() for _ in range(1000)}
+    assert len(names) == 1000
     for name in names:
         assert len(name) == len(episode.EXAMPLE_EPISODE) == 8
         assert name.isascii()
         assert episode.physics_of_episode(name) == physics
+        assert episode.simulation_of_episode(name) == 'beef'
         frame = episode.frame_of('voxel_3_1', name)
         episode.check_frame('voxel_3_1', frame)
         assert episode.episode_of(frame) == name
@@ -42,7 +44,17 @@ def test_physics_of_old_and_invalid_names(name, physics):
 @given(st.binary(max_size=20), st.text(max_size=30))
 def test_any_name_and_frame_are_read(name, frame):
     assert episode.physics_of_episode(name) in (*PHYSICS, episode.UNKNOWN_PHYSICS)
+    assert len(episode.simulation_of_episode(name)) in (0, 4)
     assert isinstance(episode.episode_of(frame), bytes)
+
+
+@pytest.mark.parametrize('name', [b'', b'x5f0c17e', episode.EXAMPLE_EPISODE])
+def test_names_of_unknown_form_belong_to_no_simulation(name):
+    assert episode.simulation_of_episode(name) == ''
+
+
+def test_identities_of_simulations_differ():
+    assert len({episode.new_identity() for _ in range(20)}) > 10
 
 
 def test_a_frame_of_old_bags_has_no_episode():

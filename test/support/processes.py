@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+SERVER = 'fork_server'  # name of the parent of a walk's nodes
 TICK = threading.Event()
 LIMIT = 300.0  # s; only a hang reaches it
 
@@ -48,6 +49,20 @@ def offspring(pid: int) -> dict[int, str]:
         found |= new
         parents = list(new)
     return found
+
+
+def nodes_of(pid: int) -> dict[str, int]:
+    """Return the running node processes of a walk: name to process id."""
+    found = {name_of(child): child for child in offspring(pid)}
+    return {name: child for name, child in found.items() if name not in ('', SERVER)}
+
+
+def name_of(pid: int) -> str:
+    """Return the name of a process, '' if there is none."""
+    try:
+        return Path(f'/proc/{pid}/comm').read_text().strip()
+    except OSError:
+        return ''
 
 
 def is_alive(pid: int, started: str | None = None) -> bool:

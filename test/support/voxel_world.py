@@ -23,6 +23,16 @@ def no_duplicate(episode):
     return False
 
 
+class NoSimulations:
+    """A graph in which no simulation announces itself."""
+
+    def is_live(self, identity):
+        return False
+
+    def is_silent(self, identity):
+        return False
+
+
 def readings_of(actuation, step):
     """Return (n, 4) readings in [0, 1] that any wrong actuation before changes."""
     phase = np.sin(np.arange(len(actuation))[:, None] + np.arange(4) + 0.7 * step)
@@ -52,7 +62,8 @@ class Robot:
 
     def core(self, i, **options):
         directions = [d for d, j in enumerate(self.morphology.neighbors[i]) if j >= 0]
-        options = {'patience': 0.0, 'real_time': False, 'horizon': HORIZON, **options}
+        options = {'patience': 0.0, 'real_time': False, 'horizon': HORIZON,
+                   'simulations': NoSimulations(), **options}
         return VoxelCore(self.part(i), directions, **options)
 
     def twin(self, n_steps, resets=()):

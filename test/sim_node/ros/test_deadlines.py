@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_node.ros.deadlines import Pace, StepTimes
+from sim_node.ros.deadlines import ListeningTime, Pace, StepTimes
 
 
 @given(st.floats(0.0, 0.9), st.integers(1, 10**7))
@@ -46,3 +46,10 @@ def test_step_times():
         'step time p50 [ms]': '250.00', 'step time p99 [ms]': '977.50',
         'step time max [ms]': '1000.00',
     }
+
+
+def test_limits_count_only_the_time_in_which_a_process_ran():
+    times = iter([100.0, 100.1, 100.15, 113.15, 113.25, 113.75, 113.85])
+    listening = ListeningTime(lambda: next(times))
+    counted = [listening.now() for _ in range(6)]
+    assert counted == pytest.approx([0.1, 0.15, 0.15, 0.25, 0.25, 0.35])

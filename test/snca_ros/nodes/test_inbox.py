@@ -16,7 +16,7 @@ def message_of(n):
 
 @given(st.lists(st.tuples(EPISODES, st.integers(0, 40)), max_size=200))
 def test_the_first_message_for_a_step_is_kept_whatever_arrives(flood):
-    buffer = MessageBuffer()
+    buffer = MessageBuffer(lambda episode: False)
     buffer.advance_to(NOW, 10)
     first = {}
     for n, (episode, step) in enumerate(flood):
@@ -35,7 +35,7 @@ def test_the_first_message_for_a_step_is_kept_whatever_arrives(flood):
 
 @given(st.lists(st.binary(min_size=8, max_size=8), max_size=50))
 def test_few_messages_of_other_episodes_are_kept(episodes):
-    buffer = MessageBuffer()
+    buffer = MessageBuffer(lambda episode: False)
     buffer.advance_to(NOW, 0)
     for episode in episodes:
         buffer.put(episode, 7, message_of(0))
@@ -43,7 +43,7 @@ def test_few_messages_of_other_episodes_are_kept(episodes):
 
 
 def test_early_messages_of_the_next_episode_are_kept_until_it_begins():
-    buffer = MessageBuffer()
+    buffer = MessageBuffer(lambda episode: False)
     buffer.advance_to(NOW, 500)
     buffer.put(NOW, 501, message_of(1))
     buffer.put(b'episode2', 0, message_of(2))
@@ -54,7 +54,7 @@ def test_early_messages_of_the_next_episode_are_kept_until_it_begins():
 
 
 def test_messages_for_past_steps_are_dropped():
-    buffer = MessageBuffer()
+    buffer = MessageBuffer(lambda episode: False)
     buffer.advance_to(NOW, 0)
     for step in range(5):
         buffer.put(NOW, step, message_of(step))
@@ -65,7 +65,7 @@ def test_messages_for_past_steps_are_dropped():
 
 
 def test_the_first_steps_of_another_episode_are_kept_when_the_buffer_is_full():
-    buffer = MessageBuffer()
+    buffer = MessageBuffer(lambda episode: False)
     buffer.advance_to(NOW, 500)
     for step in range(40):
         buffer.put(b'episode2', step, message_of(step))

@@ -2,13 +2,13 @@
 
 import pytest
 
-from sim_node.episode import new_episode
+from sim_node.episode import EpisodeNames, new_identity
 from sim_node.model.physics import PHYSICS
 from snca_ros.nodes.mismatch import PhysicsMismatch
 
 
 def episode(physics):
-    return new_episode(physics).tobytes()
+    return EpisodeNames(physics, new_identity()).next().tobytes()
 
 
 @pytest.mark.parametrize('physics', PHYSICS)

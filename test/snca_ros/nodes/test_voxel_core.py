@@ -7,6 +7,7 @@ import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+from support.voxel_world import NoSimulations
 
 from sim_node.control_time import START_STEPS
 from sim_node.errors import InvalidInput
@@ -57,11 +58,12 @@ class NoFaults:
         return False
 
 
-def make_core(patience=0.0, real_time=False, joined=True, faults=None):
+def make_core(patience=0.0, real_time=False, joined=True, faults=None, simulations=None):
     architecture = SimpleNamespace(directional=False)
     part = OwnPart(architecture, CellSpy(), faults or NoFaults(), 'reference')
     core = VoxelCore(
-        part, [LEFT, RIGHT], patience=patience, real_time=real_time, horizon=HORIZON
+        part, [LEFT, RIGHT], patience=patience, real_time=real_time, horizon=HORIZON,
+        simulations=simulations or NoSimulations(),
     )
     core.joined = joined
     return core, part.cells
@@ -344,3 +346,44 @@ def test_polls_less_often_after_a_while():
     sense(core, 1, now=5.0)
     periods = [core.poll_period(5.0 + waited) for waited in (0.0, 0.1, 100.0)]
     assert periods == pytest.approx([POLL_PERIOD, 0.025, 0.05])
+
+
+class OneSimulation(NoSimulations):
+    """A graph with one simulation, that of `EPISODES`."""
+
+    def is_live(self, identity):
+        return identity == '0000'
+
+
+def test_the_simulation_of_the_episode_is_followed_while_it_exists():
+    core, cell = make_core(simulations=OneSimulation())
+    other = b'rffff000'
+    assert sense(core, 5, other) is SensorsResult.ACCEPTED, 'it cannot know better yet'
+    assert sense(core, 7) is SensorsResult.ACCEPTED
+    assert sense(core, 6, other) is SensorsResult.FOREIGN
+    assert not core.follow_other_simulation(0.0)
+    assert (core.episode, core.step, cell.resets) == (EPISODES[0], 7, 3)
+    assert sense(core, 0, EPISODES[1]) is SensorsResult.ACCEPTED, 'a reset'
+
+
+def test_the_next_simulation_is_followed_when_the_first_is_gone():
+    core, _ = make_core()
+    live = {'0000', 'ffff'}
+    core.episodes._simulations = SimpleNamespace(
+        is_live=live.__contains__, is_silent=lambda identity: False
+    )
+    sense(core, 7)
+    assert sense(core, 0, b'rffff000') is SensorsResult.FOREIGN
+    assert not core.follow_other_simulation(1.0)
+    live.remove('0000')
+    assert core.follow_other_simulation(2.0)
+    assert core.answer(2.0)[:2] == (b'rffff000', 0)
+
+
+def test_a_silent_neighbour_is_not_awaited_because_of_a_message_of_another_episode():
+    core, _ = make_core(patience=1.0)
+    sense(core, 9)
+    assert core.answer(1.0).newly_silent == (LEFT, RIGHT)
+    send(core, 3, episode=b'rffff000')
+    sense(core, 10)
+    assert core.awaited == []
