@@ -38,14 +38,14 @@ ROOMS = {
         'The ways in: the `snca` command, `python -m snca_ros`, `import snca_ros`.',
     ),
     'commands': Room(
-        ('snca_ros.commands.*',), ('graph', 'web', 'rendering', 'comparison', 'firmware'),
+        ('snca_ros.commands.*',), ('graph', 'web', 'rendering', 'comparison'),
     ),
     'api': Room(
         ('snca_ros.api.*',), ('graph', 'web', 'rendering', 'comparison'),
         'What `import snca_ros` offers to Python.',
     ),
     'graph': Room(('snca_ros.graph.*',), ('nodes', 'web')),
-    'nodes': Room(('snca_ros.nodes.*',), ('recording', 'ros')),
+    'nodes': Room(('snca_ros.nodes.*',), ('recording', 'ros', 'firmware')),
     'web': Room(('snca_ros.web.*',), ('recording',)),
     'rendering': Room(('snca_ros.rendering.*',), ('recording',)),
     'comparison': Room(('snca_ros.comparison.*',), ('campaign',)),

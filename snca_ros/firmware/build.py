@@ -1,13 +1,15 @@
 """Builds the firmware of a robot for emulated boards."""
 
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from sim_node.errors import InvalidInput, check_name
+from sim_node.model.morphology import Morphology
 from snca_ros.controller_file import TrainedController
 from snca_ros.firmware.boards import BOARDS
 from snca_ros.firmware.folder import UNIFORM, write_firmware
+from snca_ros.firmware.lines import EXPECTED, parse_address
 
 EMULATED = 'emulated'
 """Prefix of the names of boards that a walk emulates."""
@@ -27,6 +29,26 @@ def parse_boards(text: str) -> tuple[str, ...]:
         check_name('devices', board, BOARDS)
         BOARDS[board].command(Path())
     return boards
+
+
+def parse_devices(texts: Iterable[str], morphology: Morphology) -> dict[str, str]:
+    """Return the addresses of devices by voxel.
+
+    Args:
+        texts: VOXEL=ADDRESS each.
+        morphology: of the robot.
+
+    Raises:
+        InvalidInput: a text has another form, there is no such voxel, or two have one voxel.
+    """
+    found: dict[str, str] = {}
+    for text in texts:
+        voxel, equals, address = text.partition('=')
+        if not equals or voxel in found:
+            raise InvalidInput('device', text, f'VOXEL=ADDRESS, one per voxel, with {EXPECTED}')
+        morphology.index_of(voxel)
+        found[voxel] = str(parse_address(address))
+    return found
 
 
 def build_devices(

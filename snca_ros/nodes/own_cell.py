@@ -1,0 +1,96 @@
+"""The cell of one voxel as its node steps it: in this process, or on a device."""
+
+from dataclasses import asdict
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from snca_ros.cell.cells import Cells
+from snca_ros.firmware.device import DeviceCell
+
+
+class CellStep(NamedTuple):
+    """What a cell computes in a control step."""
+
+    actuation: float
+    """In [-1, 1]."""
+    outbox: np.ndarray
+    """(n_destinations, n_c, width) spikes 0.0/1.0 or values, for the neighbours."""
+
+
+class OwnCell(Protocol):
+    """A cell that is asked for a step, and then for the result until there is one."""
+
+    def reset(self) -> None:
+        """Reset the cell before its next step; give up a step without result."""
+
+    def begin_step(self, step: int, readings: np.ndarray, inbox: np.ndarray, now: float) -> None:
+        """Ask for control step `step`, see `Cells.step_cell`; `now` is the time [s]."""
+
+    def poll(self, now: float) -> CellStep | None:
+        """Return the result of the step that was asked for; None until there is one.
+
+        Raises:
+            InvalidInput: the device runs other firmware.
+        """
+
+    def counts(self) -> dict[str, int]:
+        """Return counts of what happened, for the diagnostics."""
+
+    def close(self) -> None:
+        """Release what the cell uses."""
+
+
+class LocalCell:
+    """A cell in this process.
+
+    Args:
+        cells: has one cell.
+    """
+
+    def __init__(self, cells: Cells) -> None:
+        self._cells = cells
+        self._result: CellStep | None = None
+
+    def reset(self) -> None:
+        """Reset the cell."""
+        self._cells.reset()
+        self._result = None
+
+    def begin_step(self, step: int, readings: np.ndarray, inbox: np.ndarray, now: float) -> None:
+        """Step the cell."""
+        actuation = self._cells.step_cell(0, readings, inbox, step)
+        self._result = CellStep(actuation, self._cells.outbox[0])
+
+    def poll(self, now: float) -> CellStep | None:
+        """Return the result of the step."""
+        result, self._result = self._result, None
+        return result
+
+    def counts(self) -> dict[str, int]:
+        """Return nothing: nothing can happen."""
+        return {}
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class RemoteCell:
+    """A cell on a device.
+
+    Args:
+        device: the device.
+    """
+
+    def __init__(self, device: DeviceCell) -> None:
+        self._device = device
+        self.reset, self.begin_step, self.close = device.reset, device.begin_step, device.close
+
+    def poll(self, now: float) -> CellStep | None:
+        """Return the answer of the device to the step; None until it arrives."""
+        answer = self._device.poll(now)
+        return CellStep(answer.actuation, answer.outbox) if answer else None
+
+    def counts(self) -> dict[str, int]:
+        """Return what happened on the line."""
+        return {f'device {name}': n for name, n in asdict(self._device.counts).items()}
