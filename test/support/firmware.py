@@ -19,6 +19,7 @@ from snca_ros.firmware.protocol import HELLO, CellCodec, FrameReader, StepAnswer
 from snca_ros.recording.offline import record_episode
 
 CROSS = 'arm-none-eabi-gcc'
+EMULATED = tuple(name for name, board in BOARDS.items() if board.machine)
 SESSION = 7
 LIMIT = 120.0  # s; only a hang reaches it
 

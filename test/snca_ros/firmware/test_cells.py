@@ -2,6 +2,7 @@
 
 import pytest
 from support.firmware import (
+    EMULATED,
     VARIANTS,
     answers,
     assert_equal_to_cell,
@@ -19,11 +20,9 @@ from support.firmware import (
 
 from snca_ros.bundled import bundled_controllers
 from snca_ros.controller_file import load_controller
-from snca_ros.firmware.boards import BOARDS
 from snca_ros.firmware.protocol import CellCodec, check_hello, frame
 
 BUNDLED = bundled_controllers()
-EMULATED = [name for name, board in BOARDS.items() if board.machine]
 
 
 def check_equal(trained, folder, inputs, voxel=0, board='posix'):
