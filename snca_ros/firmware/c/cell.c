@@ -12,7 +12,8 @@ static word words[N_NEURONS];                /* what each neuron sends in this c
 
 #if SPIKING
 
-enum { CONTROL_RATE = 60, SNN_RATE = 960, F_MIN = 5, F_MAX = 50, WINDOW = 5 };
+enum { WINDOW = 5 };
+static const number CONTROL_RATE = 60, SNN_RATE = 960, F_MIN = 5, F_MAX = 50;
 
 static uint32_t age;                   /* control steps since the reset */
 static uint32_t last_spike[N_SENSORS]; /* SNN step of the newest spike of each reading */
@@ -24,7 +25,7 @@ static number v[N_NEURONS], psi[N_NEURONS], theta[AS_PRINTED ? N_NEURONS : 1];
 static word encode(unsigned s, reading r, uint32_t first)
 {
 #if INTEGER
-    uint32_t period = SNN_RATE * 65535U / (r * (uint32_t)(F_MAX - F_MIN) + F_MIN * 65535U);
+    uint32_t period = (uint32_t)(SNN_RATE * 65535 / (r * (F_MAX - F_MIN) + F_MIN * 65535));
 #else
     uint32_t period = (uint32_t)(SNN_RATE / (r * (F_MAX - F_MIN) + F_MIN));
 #endif
@@ -47,7 +48,7 @@ static actuation decode(unsigned train)
     for (uint32_t k = 0; k < window; k++)
         n += counts[k];
 #if INTEGER
-    int32_t a = (int32_t)(2 * CONTROL_RATE * 16384U * n / (F_MAX * window)) - 16384;
+    number a = 2 * CONTROL_RATE * 16384 * (number)n / (F_MAX * (number)window) - 16384;
     return (actuation)(a > 16384 ? 16384 : a);
 #else
     number duration = (number)window / CONTROL_RATE, share = (number)n / (F_MAX * duration);
