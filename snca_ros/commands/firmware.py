@@ -16,7 +16,6 @@ from snca_ros.firmware.folder import write_firmware
 EXAMPLES = """
   snca firmware biped-U-nD-snn-h --out firmware     # doubles, for this computer
   snca firmware runs/tripod/best.npz --out firmware --arithmetic int16 --board microbit
-  make -C firmware                                  # firmware/build/microbit/cell.elf
 """
 
 

@@ -114,8 +114,10 @@ class VoxelNode(RosNode):
         if self._core.follow_other_simulation(now):
             self._use_sensors()
         self._take_messages()
+        if self._core.unanswered:
+            return
         try:
-            self._core.attend_device(now)
+            self._core.cell.poll(now)  # lets a device say hello, or finds it again
         except InvalidInput as error:
             self._refuse_device(error)
 
@@ -161,7 +163,7 @@ class VoxelNode(RosNode):
         if not core.unanswered:
             age = self.listening.now() - core.since
             return DiagnosticStatus.OK, f'step {core.step}, sensors received {age:.1f} s ago'
-        if core.waits_for_device:
+        if core.cell.busy:
             return DiagnosticStatus.OK, f'step {core.step} waits for its device'
         if not core.awaited:
             return DiagnosticStatus.OK, f'step {core.step}'
@@ -175,7 +177,7 @@ class VoxelNode(RosNode):
         topic = topic_name(self._architecture)
         deliveries = {SENSORS.of(self._voxel): self._core.sensors_delivery}
         deliveries |= {f'{self._neighbors[d]}/{topic}': x for d, x in self._core.deliveries.items()}
-        return {**delivery_statistics(deliveries), **self._core.device_counts()}
+        return {**delivery_statistics(deliveries), **self._core.cell.counts()}
 
     def _try_step(self) -> None:
         """Step if sensors(k) and all neighbours' messages(k - 1) have arrived; else poll again."""
@@ -227,7 +229,7 @@ class VoxelNode(RosNode):
 
     def close(self) -> None:
         """Close the line to a device; wait until the subscribers have received what was sent."""
-        self._core.close()
+        self._core.cell.close()
         self.wait_for_readers([self._messages_out, self._actuation_out])
 
 

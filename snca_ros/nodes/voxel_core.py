@@ -12,11 +12,11 @@ import numpy as np
 
 from sim_node.control_time import START_STEPS
 from sim_node.errors import InvalidInput
-from sim_node.model.morphology import DIRECTIONS, OPPOSITE
+from sim_node.model.morphology import OPPOSITE
 from sim_node.ros.delivery import Delivery
 from snca_ros.nodes.episode_choice import EpisodeChoice, Sensors, Simulations
 from snca_ros.nodes.inbox import MessageBuffer
-from snca_ros.nodes.own_cell import CellStep
+from snca_ros.nodes.own_cell import FaultyCell
 from snca_ros.nodes.own_part import OwnPart
 
 _JOIN_LIMIT = 0.2  # seconds after the first sensors; in real time there is no pause between them
@@ -49,14 +49,6 @@ class Answer(NamedTuple):
     """Directions of the neighbours that the voxel no longer waits for, from this step on."""
 
 
-class _BegunStep(NamedTuple):
-    """A step that a cell was asked for."""
-
-    step: int
-    newly_silent: tuple[int, ...]
-    result: CellStep | None  # if no cell needs to be asked
-
-
 class VoxelCore:
     """The cell of one voxel with the received messages that it has not used yet.
 
@@ -79,6 +71,7 @@ class VoxelCore:
         simulations: finds out which simulations exist.
 
     Attributes:
+        cell: the cell with its faults.
         joined: whether it takes part.
         held_back: whether it does not take part because another node publishes for this voxel.
         episodes: the current episode, and which one may follow.
@@ -92,10 +85,8 @@ class VoxelCore:
         self, part: OwnPart, directions: Iterable[int], *, patience: float, real_time: bool,
         horizon: int, simulations: Simulations,
     ) -> None:
-        self._cell, self._faults, cell = part.cell, part.faults, part.architecture
-        self._directional = cell.directional
-        self._no_input = np.zeros((len(DIRECTIONS), cell.n_c, cell.message_width))
-        self._silence = np.zeros((cell.n_destinations, cell.n_c, cell.message_width))
+        self.cell = FaultyCell(part.cell, part.faults, part.architecture)
+        self._directional = part.architecture.directional
         self._patience, self._real_time, self._horizon = patience, real_time, horizon
         self.episodes = EpisodeChoice(simulations)
         self._buffers = {d: MessageBuffer(self.episodes.is_live) for d in directions}
@@ -113,11 +104,10 @@ class VoxelCore:
 
         Messages that neighbours have sent in the new episode already are kept.
         """
-        self._cell.reset()
-        self._faults.reset()
-        self._inbox = self._no_input.copy()
+        self.cell.reset()
+        self._inbox = self.cell.empty_inbox()
         self._readings: np.ndarray | None = None  # sensors(k) whose step has not begun
-        self._begun: _BegunStep | None = None
+        self._newly_silent: tuple[int, ...] = ()  # in the step that has begun
         self.step = -1
         self.since = self._first_received = now
         self._silent: set[int] = set()
@@ -214,7 +204,7 @@ class VoxelCore:
     @property
     def unanswered(self) -> bool:
         """Return whether there are sensors that the voxel has not answered."""
-        return self._readings is not None or self._begun is not None
+        return self._readings is not None or self.cell.busy
 
     @property
     def awaited(self) -> list[int]:
@@ -223,7 +213,7 @@ class VoxelCore:
         A neighbour that has sent a message of a later step is not awaited: it was killed while it
         published, and restarted.
         """
-        if self.waits_for_device or self.step < 1 or (self._real_time and self.step >= START_STEPS):
+        if self.cell.busy or self.step < 1 or (self._real_time and self.step >= START_STEPS):
             return []
         return [
             d for d, buffer in self._buffers.items()
@@ -246,23 +236,6 @@ class VoxelCore:
         """
         return min(max((now - self.since) / 4.0, POLL_PERIOD), _MAX_POLL_PERIOD)
 
-    @property
-    def waits_for_device(self) -> bool:
-        """Return whether the cell is on a device that has not answered its step."""
-        return self._begun is not None
-
-    def attend_device(self, now: float) -> None:
-        """Let a device say hello, or find it again, while no step needs it.
-
-        Args:
-            now: the time [s].
-
-        Raises:
-            InvalidInput: the device runs other firmware.
-        """
-        if not self.waits_for_device:
-            self._cell.poll(now)
-
     def answer(self, now: float) -> Answer | None:
         """Step the cell if its inputs are complete; return what to publish, or None.
 
@@ -275,17 +248,12 @@ class VoxelCore:
         Raises:
             InvalidInput: the device runs other firmware.
         """
-        if self._begun is None:
+        if not self.cell.busy:
             self._begin_step(now)
-        if self._begun is None:
+        if (result := self.cell.poll(now)) is None:
             return None
-        begun, result = self._begun, self._begun.result or self._cell.poll(now)
-        if result is None:
-            return None
-        self._begun = None
-        return Answer(
-            self.episode, begun.step, result.outbox, result.actuation, begun.newly_silent
-        )
+        step, actuation, outbox = result
+        return Answer(self.episode, step, outbox, actuation, self._newly_silent)
 
     def _begin_step(self, now: float) -> None:
         """Begin the step of the newest sensors if the cell's inputs are complete."""
@@ -298,23 +266,8 @@ class VoxelCore:
                 return
             self._silent.update(newly_silent)
         self._fill_inbox()
-        inbox = self._faults.hear(self.step, self._inbox)
-        result = None
-        if self._faults.dead(self.step):
-            self._cell.reset()  # no spikes, no actuation, and no memory when it revives
-            result = CellStep(0.0, self._silence)
-        else:
-            self._cell.begin_step(self.step, self._readings, inbox, now)
-        self._readings = None
-        self._begun = _BegunStep(self.step, newly_silent, result)
-
-    def device_counts(self) -> dict[str, int]:
-        """Return counts of what happened on the line to a device, by name."""
-        return self._cell.counts()
-
-    def close(self) -> None:
-        """Close the line to a device."""
-        self._cell.close()
+        self.cell.begin_step(self.step, self._readings, self._inbox, now)
+        self._readings, self._newly_silent = None, newly_silent
 
     def _fill_inbox(self) -> None:
         """Move the neighbours' messages of the last step into the inbox."""

@@ -21,7 +21,7 @@ class SlowDevice:
     """A cell whose results a test makes."""
 
     def __init__(self):
-        self.asked, self.result, self.resets, self.polls = [], None, 0, 0
+        self.asked, self.result, self.resets = [], None, 0
 
     def reset(self):
         self.resets, self.result = self.resets + 1, None
@@ -30,12 +30,11 @@ class SlowDevice:
         self.asked.append((step, readings[0]))
 
     def poll(self, now):
-        self.polls += 1
         result, self.result = self.result, None
         return result
 
     def answer(self, actuation):
-        self.result = CellStep(actuation, np.full((1, 1, 1), actuation))
+        self.result = CellStep(self.asked[-1][0], actuation, np.full((1, 1, 1), actuation))
 
     def counts(self):
         return {'device repeats': 3}
@@ -62,7 +61,7 @@ def test_a_step_is_answered_when_the_device_answers():
     sense(core, 0)
     for _ in range(3):
         assert core.answer(0.0) is None
-        assert core.waits_for_device
+        assert core.cell.busy
         assert core.unanswered
     assert device.asked == [(0, 0.0)]
     device.answer(0.25)
@@ -71,7 +70,7 @@ def test_a_step_is_answered_when_the_device_answers():
     assert answer.outbox.tolist() == [[[0.25]]]
     assert not core.unanswered
     assert core.answer(0.2) is None
-    assert core.device_counts() == {'device repeats': 3}
+    assert core.cell.counts() == {'device repeats': 3}
 
 
 def test_in_real_time_the_newest_sensors_wait_for_a_slow_device():
@@ -93,7 +92,7 @@ def test_a_new_episode_gives_up_the_step():
     sense(core, 0)
     core.answer(0.0)
     sense(core, 0, OTHER)
-    assert not core.waits_for_device
+    assert not core.cell.busy
     core.answer(0.0)
     device.answer(0.5)
     assert core.answer(0.0).episode == OTHER
@@ -108,18 +107,6 @@ def test_a_dead_voxel_resets_its_device_and_needs_no_answer():
     assert (answer.actuation, answer.outbox.any()) == (0.0, False)
     assert device.asked == []
     assert device.resets == resets + 1
-
-
-def test_a_device_is_attended_to_between_steps():
-    core, device = make_core()
-    polls = device.polls
-    core.attend_device(0.0)
-    assert device.polls == polls + 1
-    sense(core, 0)
-    core.answer(0.0)
-    polls = device.polls
-    core.attend_device(0.0)  # would take the answer to the step
-    assert device.polls == polls
 
 
 def test_devices_of_a_walk_are_read():
