@@ -1,18 +1,22 @@
 """The line to an emulated board, which runs as long as the line is open."""
 
 import contextlib
-import ctypes
-import signal
 import socket
 import subprocess
+import sys
 from pathlib import Path
 
 from sim_node.errors import InvalidInput, check_name
 from snca_ros.firmware.boards import BOARDS
 
-_PR_SET_PDEATHSIG = 1
 _MOST = 65536  # bytes read at once
-_LIBRARY = ctypes.CDLL(None)  # loaded here, since a new process must not load anything
+
+# Lets the kernel kill the process when its parent ends (PR_SET_PDEATHSIG), and becomes the board.
+_LAUNCH = """
+import ctypes, os, signal, sys
+ctypes.CDLL(None).prctl(1, signal.SIGKILL)
+os.execvp(sys.argv[1], sys.argv[1:])
+"""
 
 
 def check_image(board: str, image: str, field: str) -> None:
@@ -25,11 +29,6 @@ def check_image(board: str, image: str, field: str) -> None:
     BOARDS[board].command(Path(image))
     if not Path(image).is_file():
         raise InvalidInput(field, image, 'an image, built by `make` in the folder of the firmware')
-
-
-def _end_with_parent() -> None:
-    """Make the kernel end this process when the thread that started it ends."""
-    _LIBRARY.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 class EmulatedLine:
@@ -46,9 +45,9 @@ class EmulatedLine:
         self._socket, inner = socket.socketpair()
         with inner:
             self._process = subprocess.Popen(
-                BOARDS[board].command(Path(image)), stdin=inner.fileno(), stdout=inner.fileno(),
+                [sys.executable, '-I', '-S', '-c', _LAUNCH, *BOARDS[board].command(Path(image))],
+                stdin=inner.fileno(), stdout=inner.fileno(),
                 start_new_session=True,  # Ctrl-C reaches only the host
-                preexec_fn=_end_with_parent,  # noqa: PLW1509 - it takes no lock
             )
         self._socket.setblocking(False)
 

@@ -22,7 +22,7 @@ def boards_of(pid):
 
 @pytest.mark.parametrize(('shape', 'name', 'model', 'arithmetic', 'boards'), [
     ('11-10', 'U-nD', 'snn-h', 'int16', 'posix'),
-    pytest.param('1111-1001', 'nU-D', 'mlp', 'float32', ','.join(EMULATED), marks=needs_boards),
+    pytest.param('1111-1001', 'nU-D', 'mlp', 'double', ','.join(EMULATED), marks=needs_boards),
 ])
 def test_walk_on_devices_equals_its_offline_twin(
     start, make_controller, tmp_path, shape, name, model, arithmetic, boards

@@ -118,6 +118,49 @@ def test_datagrams_of_other_senders_are_ignored(image):
         assert device.counts.restarts == device.counts.damaged == 0
 
 
+class NoisyLine:
+    """A line that flips, loses or adds a byte in a fifth of what it carries."""
+
+    def __init__(self, line, chance):
+        self._line, self._chance = line, chance
+        self.fileno, self.close = line.fileno, line.close
+
+    def _damaged(self, data):
+        if not data or self._chance.random() >= 0.2:
+            return data
+        at = self._chance.integers(len(data))
+        other = bytes([data[at] ^ self._chance.integers(1, 256)])
+        kind = self._chance.integers(3)
+        return data[:at] + (b'' if kind == 0 else other) + data[at + (kind < 2) :]
+
+    def write(self, data):
+        self._line.write(self._damaged(data))
+
+    def read(self):
+        return self._damaged(self._line.read())
+
+
+@needs_gcc
+def test_a_noisy_line_costs_repeats_but_changes_nothing(image):
+    chance = np.random.default_rng(5)
+    address = parse_address(f'emulated:posix:{image}')
+    source = source_of(TRAINED, 0)
+
+    class NoisyAddress(type(address)):
+        def open(self):
+            return NoisyLine(super().open(), chance)
+
+    noisy = NoisyAddress(address.kind, address.place, board=address.board)
+    device = DeviceCell(noisy, source.architecture, source.identity)
+    try:
+        check_steps(device, range(60), a_cell())
+    finally:
+        device.close()
+    assert device.counts.repeats > 5
+    assert device.counts.damaged > 0
+    assert device.counts.restarts == device.counts.losses == 0
+
+
 @needs_gcc
 def test_a_killed_device_starts_afresh(image, tmp_path):
     """Its cell is reset, as that of a process that has been restarted; the step is repeated."""
