@@ -77,6 +77,6 @@ setup(
         'shtab>=1.6', 'websockets>=13',
     ],
     extras_require={'ros': ROS, 'test': TEST, 'cluster': CLUSTER, 'cma': CMA, 'video': VIDEO},
-    entry_points={'console_scripts': ['snca = snca_ros.cli:main']},
+    entry_points={'console_scripts': ['snca = snca_ros.__main__:main']},
     zip_safe=False,
 )

@@ -3,7 +3,7 @@
 python -m benchmarks [--quick] [--json FILE]
 """
 
-from benchmarks import batched, evolution, graph, lane_loops, offline
+from benchmarks import batched, evolution, graph, lane_loops, offline, real_time
 from benchmarks.command import run_all
 
 if __name__ == '__main__':
@@ -13,4 +13,5 @@ if __name__ == '__main__':
         'lane loops': (lane_loops.measure, lane_loops.table),
         'evolution': (evolution.measure, evolution.table),
         'graph': (graph.measure, graph.table),
+        'real time': (real_time.measure, real_time.table),
     })

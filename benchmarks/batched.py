@@ -20,6 +20,7 @@ import numpy as np
 from benchmarks.command import run_part
 from sim_node.batched.engine import Robots
 from sim_node.batched.step import physics_step, sweep
+from sim_node.control_time import steps_in
 from sim_node.munk2d.engine import set_rest_lengths, step_physics
 from sim_node.numerics.jit import compiled
 from sim_node.simulation import Simulation
@@ -98,7 +99,7 @@ def measure_episode(shape: str, name: str, model: str, rounds: int, duration: fl
     simulation = Simulation(shape)
     robots = new_robots(simulation, 16)
     architecture = Architecture.named(name, model)
-    n, n_steps = simulation.morphology.n_voxels, round(duration * 60)
+    n, n_steps = simulation.morphology.n_voxels, steps_in(duration)
     thetas = np.random.default_rng(1).uniform(-1.0, 1.0, (16, architecture.n_parameters(n)))
     controllers = [Controller(architecture, simulation.morphology, t) for t in thetas[:4]]
 

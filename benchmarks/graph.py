@@ -58,12 +58,14 @@ class Observer:
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
         self._steps: dict[str, tuple[float, int]] = {}
+        self.health: dict[str, tuple[str, dict[str, str]]] = {}  # of each node: text, values
         self._node.create_subscription(DiagnosticArray, '/diagnostics', self._note, 10)
 
     def _note(self, message: Any) -> None:
         stamp = message.header.stamp
         for status in message.status:
             values = {v.key: v.value for v in status.values}
+            self.health[status.name] = status.message, values
             made = int(values.get('steps', 0))
             self._steps[status.name] = stamp.sec + stamp.nanosec * 1e-9, made
 

@@ -14,6 +14,7 @@ import time
 import numpy as np
 
 from benchmarks.command import run_part
+from sim_node.control_time import steps_in
 from sim_node.model.sensing import sense_robot
 from sim_node.model.solver import Solver
 from sim_node.munk2d import c_functions as munk
@@ -93,7 +94,7 @@ def measure_case(shape: str, name: str, model: str, rounds: int, duration: float
     n = simulation.morphology.n_voxels
     theta = np.random.default_rng(1).uniform(-1.0, 1.0, architecture.n_parameters(n))
     controller = Controller(architecture, simulation.morphology, theta)
-    n_steps = round(duration * 60)
+    n_steps = steps_in(duration)
     changes = np.array([np.full(n, 0.5), np.full(n, -0.5)])
     motion = actuation_of(simulation, controller, n_steps)
     calls = {

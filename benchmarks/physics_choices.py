@@ -10,6 +10,7 @@ import numpy as np
 import pymunk
 from pymunk._chipmunk import ffi, lib
 
+from sim_node.control_time import steps_in
 from sim_node.model.body import LIMIT, Constraints, build_body
 from sim_node.model.material import Material
 from sim_node.model.physics import PHYSICS
@@ -51,7 +52,7 @@ def new(shape, terrain='flat', solver=None, ground=None, lift=(0.0, 0.0), **mate
 
 def drive(sim, seconds, signal=lambda k: 0.0, watch=lambda sim: 0.0):
     seen = []
-    for k in range(round(60 * seconds)):
+    for k in range(steps_in(seconds)):
         sim.step(np.broadcast_to(signal(k), sim.morphology.n_voxels))
         seen.append(watch(sim))
     return np.array(seen)

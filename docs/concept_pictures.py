@@ -5,7 +5,6 @@ import io
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
@@ -23,6 +22,7 @@ from snca_ros.cell.models.lif import SNN, SNN_H
 from snca_ros.cell.models.model import step
 from snca_ros.controller_file import load_controller
 from snca_ros.evolution.episode import run_episode
+from snca_ros.figures import own_style
 from snca_ros.files import write_text
 
 PICTURES = Path(__file__).parent / 'concepts'
@@ -154,7 +154,7 @@ DRAWINGS = {
 
 def svg(name: str) -> str:
     """Return the SVG text of a picture; always the same on the same version of matplotlib."""
-    with mpl.rc_context(_STYLE):
+    with own_style(_STYLE):
         text = io.StringIO()
         metadata = dict.fromkeys(('Creator', 'Date', 'Format', 'Type'))
         DRAWINGS[name]().savefig(text, format='svg', metadata=metadata, facecolor='white')

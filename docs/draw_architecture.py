@@ -59,10 +59,13 @@ ROOMS = {
         ('cell', 'simulation', 'tasks'),
         'All cells of a robot, the files that hold them, and what can go wrong with them.',
     ),
-    'tasks': Room(('snca_ros.evolution.tasks.*',), ('errors',)),
+    'tasks': Room(('snca_ros.evolution.tasks.*',), ('model',)),
     'cell': Room(('snca_ros.cell.*',), ('files', 'model')),
     'files': Room(
-        ('snca_ros.files', 'snca_ros.figures', 'snca_ros.progress', 'snca_ros.command_line'),
+        (
+            'snca_ros.files', 'snca_ros.yaml_file', 'snca_ros.figures', 'snca_ros.progress',
+            'snca_ros.command_line', 'snca_ros.standard_streams', 'snca_ros.interrupts',
+        ),
         ('errors',),
         'Files written whole or not at all, figures, progress of commands, errors of one line.',
     ),
@@ -75,16 +78,16 @@ ROOMS = {
     'munk2d': Room(('sim_node.munk2d.*',), ('engine',)),
     'batched': Room(('sim_node.batched.*',), ('engine',)),
     'engine': Room(('sim_node.engine',), ('model',), 'What an engine is, and how it is found.'),
-    'model': Room(('sim_node.model.*',), ('numerics', 'errors')),
-    'numerics': Room(('sim_node.numerics.*',), ()),
+    'model': Room(('sim_node.model.*',), ('numerics',)),
+    'numerics': Room(('sim_node.numerics.*',), ('errors',)),
     'errors': Room(
         (
             'sim_node.errors', 'sim_node.registry', 'sim_node.control_time',
-            'sim_node.message_layout',
+            'sim_node.message_layout', 'sim_node.walls',
         ),
         (),
         'What everything uses: bad input, registries, control steps as time stamps, messages as '
-        'bytes.',
+        'bytes, walls that were met.',
     ),
 }
 """All rooms by name, from the top. A room may import those below it, directly or not.

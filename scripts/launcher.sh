@@ -4,4 +4,6 @@
 prefix=$(dirname "$0")/../..
 python=$prefix/bin/python3
 [ -x "$python" ] || python=python3
+# Modules in the working directory are not imported (from Python 3.11 on).
+export PYTHONSAFEPATH=1
 exec "$python" -m snca_ros "$(basename "$0")" "$@"

@@ -1,4 +1,6 @@
-"""Exact conversion between control steps and ROS time stamps, in integers."""
+"""Exact conversion between control steps, durations in seconds and ROS time stamps."""
+
+from fractions import Fraction
 
 from sim_node.errors import InvalidInput
 
@@ -10,6 +12,22 @@ START_STEPS = 2
 
 MARKER_PERIOD = 2
 """Control steps between two messages of the robot's outline, and two frames of pages and films."""
+
+
+def steps_in(seconds: float) -> int:
+    """Return the number of control steps in a duration, or the step of a time since the start.
+
+    Everything that converts seconds to steps does it here, so that a walk, its offline twin, its
+    faults and its page agree. The decimal number is meant as it is written: 4.15 s are 249 steps,
+    although 4.15 * 60 is a little more in floating point.
+
+    Args:
+        seconds: a finite duration or time [s].
+
+    Returns:
+        The nearest number of steps of 1/60 s; of two that are equally near, the even one.
+    """
+    return round(Fraction(str(seconds)) * CONTROL_RATE)
 
 
 def stamp_of_step(step: int) -> tuple[int, int]:

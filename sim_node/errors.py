@@ -3,6 +3,7 @@
 import difflib
 import reprlib
 from collections.abc import Iterable
+from typing import Any
 
 _SHORT = reprlib.Repr()  # a few lines of YAML with aliases can expand to any length
 _SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxdict = 4, 20, 20
@@ -17,6 +18,7 @@ class InvalidInput(ValueError):
     """
 
     def __init__(self, field: str, value: object, expected: str, source: str = '') -> None:
+        value = plain(value)
         shown = _SHORT.repr(value) if isinstance(value, (list, dict)) else repr(value)
         if len(shown) > 80:
             shown = shown[:77] + '...'
@@ -31,6 +33,19 @@ class InvalidInput(ValueError):
         """Return the same error with `source` (a file, a node) in front of its own source."""
         inner = f'{source}: {self.source}' if self.source else source
         return InvalidInput(self.field, self.value, self.expected, inner)
+
+
+def plain(value: Any) -> Any:
+    """Return a value with numpy's numbers and arrays as Python's numbers and lists, at any depth.
+
+    `repr` shows numbers of numpy as np.float64(900.0), and JSON does not know them.
+    """
+    if isinstance(value, dict):
+        return {plain(key): plain(one) for key, one in value.items()}
+    if type(value) in (list, tuple):
+        return type(value)(map(plain, value))
+    is_of_numpy = hasattr(value, 'tolist') and not isinstance(value, type)
+    return value.tolist() if is_of_numpy else value
 
 
 def near_miss(name: str, known: Iterable[str]) -> str:

@@ -35,11 +35,11 @@ class Registry(MutableMapping[str, T], Generic[T]):
         """Add an entry. Adding the same entry again has no effect.
 
         Raises:
-            InvalidInput: the name is taken by another entry, or is empty, has a space or is not
-                printable.
+            InvalidInput: the name is taken by another entry, or is empty, has a space or a slash
+                or is not printable.
         """
-        if not isinstance(name, str) or not name or not name.isprintable() or ' ' in name:
-            raise InvalidInput(self.kind, name, 'a name without spaces')
+        if not isinstance(name, str) or not name or not name.isprintable() or {*' /'} & {*name}:
+            raise InvalidInput(self.kind, name, 'a name without spaces and slashes')
         if self._entries.get(name, entry) is not entry:
             taken = ', '.join(self._entries)
             raise InvalidInput(self.kind, name, f'a name that is not taken, unlike {taken}')

@@ -19,11 +19,13 @@ from sim_node.model.body_faults import (
     disturb_readings,
 )
 from sim_node.model.material import Material
+from sim_node.model.meetings import note_meetings, table_of_meetings, walls_of
 from sim_node.model.morphology import Morphology, parse_morphology
 from sim_node.model.sensing import sense_robot, sensing_of_one
 from sim_node.model.sensors import DEFAULT_SENSORS, center_of_mass
 from sim_node.model.solver import Solver
 from sim_node.model.terrain import DEFAULT_TERRAIN, Terrain, parse_terrain
+from sim_node.walls import Walls
 
 
 class Diverged(ArithmeticError):
@@ -52,6 +54,8 @@ class Simulation:
         sensing: state of the sensors, which compiled code reads.
         engine: name of the engine.
         backend: the engine, an `Engine`.
+        feet_of_walls: x [m] of the feet of both walls, (2,).
+        meetings: (2, 1) table of the walls that the robot has met, see `walls`.
 
     Raises:
         InvalidInput: a name or number is invalid, or the engine does not support an option of the
@@ -93,6 +97,7 @@ class Simulation:
         self._faults = BodyFaults(morphology, faults, len(self.sensors))
         self.backend = engine_class(morphology, terrain, self.material, self.solver, push)
         self.step_count = 0
+        self.feet_of_walls = terrain.feet_of_walls
         self.reset()
 
     def reset(self) -> np.ndarray:
@@ -102,6 +107,7 @@ class Simulation:
         """
         self.backend.reset()
         self.step_count = 0
+        self.meetings = table_of_meetings(1)
         self._faults.reset()
         self._sense(0)
         readings = self.readings
@@ -130,6 +136,8 @@ class Simulation:
         if not (finite and sane):
             raise Diverged(f'{self.morphology.name}: not finite at step {self.step_count + 1}')
         self.step_count += 1
+        corners = np.ascontiguousarray(self.world.corners).reshape(-1, 2, 1)
+        note_meetings(corners, self.feet_of_walls, self.step_count, self.meetings)
         return self.readings.copy()
 
     def _sense(self, step: int) -> bool:
@@ -150,6 +158,11 @@ class Simulation:
     def readings(self) -> np.ndarray:
         """Return the newest readings, (n_voxels, n_sensors), which the next step overwrites."""
         return self.sensing.readings
+
+    @property
+    def walls(self) -> Walls:
+        """Return the walls that the robot has met since the last reset."""
+        return walls_of(self.meetings[:, 0], self.step_count)
 
     @property
     def time(self) -> float:

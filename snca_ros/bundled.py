@@ -12,11 +12,12 @@ DEFAULT_CONTROLLER = 'biped-U-nD-snn-h'
 def config_folders() -> list[Path]:
     """Return the possible paths of config/: that of the checkout, then those of installations.
 
-    The prefix of the installation may differ from that of Python, as with `pip install --user`.
+    The prefix of the installation may differ from that of Python, as with `pip install --user` or
+    `--target`.
     """
     own = Path(__file__).resolve().parents[1]
     ament = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
-    prefixes = [*map(str, own.parents[:4]), sys.prefix, *ament]
+    prefixes = [*map(str, (own, *own.parents[:4])), sys.prefix, *ament]
     installed = [Path(p) / 'share' / 'snca_ros' / 'config' for p in prefixes if p]
     return [own / 'config', *installed]
 

@@ -1,12 +1,16 @@
 """The `snca` command, which runs the sub-command or node that its first argument names."""
 
+import os
 import sys
 
 from sim_node.errors import check_name
 from snca_ros import __version__
-from snca_ros.command_line import CommandParser, exit_code, exiting_at_interrupt
+from snca_ros.command_line import CommandParser, exit_code
 from snca_ros.commands import COMMANDS, load_command
+from snca_ros.commands.json_output import json_output
 from snca_ros.graph.executables import NODES, run_node
+from snca_ros.interrupts import exiting_at_interrupt
+from snca_ros.standard_streams import prepare_streams
 
 EXAMPLES = """
   snca walk                      # a 30 s walk of the bundled biped, with bag and report
@@ -17,6 +21,9 @@ EXAMPLES = """
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command or node that the first argument names; return the exit code."""
+    prepare_streams()
+    os.environ['MPLBACKEND'] = 'agg'  # a notebook's may not exist here; figures go to files
+    os.environ['PYTHONSAFEPATH'] = '1'  # child processes import nothing from this directory
     argv = sys.argv[1:] if argv is None else argv
     name = argv[0] if argv else '--help'
     if name in NODES:
@@ -32,13 +39,15 @@ def _run(name: str, argv: list[str]) -> int:
         print(f'snca_ros {__version__}', flush=True)
         return 0
     check_name('command', name, [*COMMANDS, *NODES])
-    with exiting_at_interrupt():
-        module = load_command(name)
-    parser = CommandParser(name, COMMANDS[name], module)
     # `ros2 run` and `ros2 launch` may append --ros-args, which only nodes use.
     if '--ros-args' in argv:
         argv = argv[: argv.index('--ros-args')]
-    return module.run(parser.parse_args(argv), parser)
+    with exiting_at_interrupt():
+        module = load_command(name)
+        parser = CommandParser(name, COMMANDS[name], module)
+        args = parser.parse_args(argv)
+    with json_output(getattr(args, 'json', None)) as args.write_json:
+        return module.run(args, parser)
 
 
 def _overview() -> str:

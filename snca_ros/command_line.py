@@ -2,22 +2,42 @@
 
 import argparse
 import importlib
-import os
-import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor
-from contextlib import contextmanager
 from types import ModuleType
 from typing import Any, NoReturn
 
 from sim_node.errors import InvalidInput, near_miss
+from snca_ros.interrupts import INTERRUPTED
+from snca_ros.standard_streams import discard_unwritable, write_error
 
 BAD_INPUT = 2
 """The exit code after invalid input."""
 
-INTERRUPTED = 130
-"""The exit code after Ctrl-C."""
+
+class FormerlyWithValue(argparse.Action):
+    """A flag that took an optional value in earlier versions, which now has an option of its own.
+
+    Such a value could not be told from a positional argument. It is still accepted, with a warning,
+    if it looks like one.
+
+    Attributes:
+        own_option: the option of the value, which implies the flag.
+        is_value: returns whether the argument after the flag looks like a value.
+    """
+
+    def __init__(
+        self, *, own_option: str, is_value: Callable[[str], bool], **options: Any
+    ) -> None:
+        super().__init__(nargs=0, default=False, **options)
+        self.own_option, self.is_value = own_option, is_value
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, *_: object
+    ) -> None:
+        """Set the flag."""
+        setattr(namespace, self.dest, True)
 
 
 class CommandParser(argparse.ArgumentParser):
@@ -42,12 +62,35 @@ class CommandParser(argparse.ArgumentParser):
         self, args: Sequence[str] | None = None, namespace: Any = None
     ) -> Any:
         """Return the values of the options; end the process if an argument is unknown."""
-        parsed, unknown = self.parse_known_args(args, namespace)
+        parsed, unknown = self.parse_known_args(self._present_spelling(args), namespace)
         if unknown:
             known = [name for action in self._actions for name in action.option_strings]
             hint = near_miss(unknown[0].partition('=')[0], known)
             self.error(f'unknown argument {unknown[0]!r}{hint}')
         return parsed
+
+    def _present_spelling(self, args: Sequence[str] | None) -> list[str]:
+        """Return arguments in which values of former options follow their own options."""
+        left, found = list(sys.argv[1:] if args is None else args), []
+        former = {
+            option: action for action in self._actions if isinstance(action, FormerlyWithValue)
+            for option in action.option_strings
+        }
+        while left and left[0] != '--':
+            name, joined, value = left.pop(0).partition('=')
+            found.append(f'{name}{joined}{value}')
+            action = former.get(name)
+            if action is None:
+                continue
+            if not joined and not (left and action.is_value(left[0])):
+                continue
+            value = value if joined else left.pop(0)
+            found[-1:] = [f'{action.own_option}={value}']
+            write_error(
+                f'{self.prog}: warning: {name} takes no value any more; use {action.own_option} '
+                f'{value}'
+            )
+        return [*found, *left]
 
     def error(self, message: str) -> NoReturn:
         """End the process with an error of one line."""
@@ -62,36 +105,21 @@ def exit_code(name: str, run: Callable[[], int]) -> int:
         run: returns the exit code.
     """
     try:
-        return run()
+        code = run()
+        sys.stdout.flush()
+        return code
     except InvalidInput as error:
-        print(f'snca {name}: error: {error}', file=sys.stderr)
+        write_error(f'snca {name}: error: {error}')
         return BAD_INPUT
     except KeyboardInterrupt:
         return INTERRUPTED
-    except BrokenPipeError:  # the reader has ended; discard the rest of the output
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:  # the reader of the output has ended
         return 1
     except (BrokenExecutor, OSError) as error:  # a killed worker; a full disk, a folder gone
-        print(f'snca {name}: error: {error}', file=sys.stderr)
+        write_error(f'snca {name}: error: {error}')
         return 1
-
-
-@contextmanager
-def exiting_at_interrupt() -> Iterator[None]:
-    """End the process at Ctrl-C at once in this block, whose code has nothing to finish.
-
-    For imports and compiled code: a KeyboardInterrupt that is raised in one of their callbacks and
-    finalisers would be ignored.
-    """
-    before = signal.getsignal(signal.SIGINT)
-    if before is not signal.default_int_handler:  # ignored by a shell's background jobs
-        yield
-        return
-    signal.signal(signal.SIGINT, lambda number, frame: os._exit(INTERRUPTED))
-    try:
-        yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        discard_unwritable()
 
 
 def load_module(name: str) -> ModuleType:

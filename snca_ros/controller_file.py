@@ -15,7 +15,14 @@ import numpy as np
 
 from sim_node.engine import DEFAULT_ENGINE, ENGINES
 from sim_node.errors import InvalidInput, check_keys, check_name
-from sim_node.model.body_file import FORMAT_VERSION, body_of, check_version, field_of, read_archive
+from sim_node.model.body_file import (
+    FORMAT_VERSION,
+    body_of,
+    check_size,
+    check_version,
+    field_of,
+    read_archive,
+)
 from sim_node.model.material import Material
 from sim_node.model.morphology import Morphology
 from sim_node.model.solver import Solver
@@ -34,8 +41,9 @@ _GIT_LIMIT = 30.0  # s
 _FIELDS = (
     'format_version', 'architecture', 'morphology', 'terrain', 'material', 'solver',
     'fitness', 'seed', 'evaluations', 'versions', 'chosen_by', 'sensors', 'task', 'scores',
+    'wall_time',
 )
-_FIELDS_1 = (*_FIELDS[:-3], 'v_x')  # version 1, whose task is walking
+_FIELDS_1 = (*_FIELDS[:-4], 'v_x')  # version 1, whose task is walking
 
 
 @dataclass(frozen=True, repr=False)
@@ -53,6 +61,8 @@ class TrainedController:
         chosen_by: name of the engine of that episode.
         task: name of the task of the evolution, one of `snca_ros.evolution.tasks.TASKS`.
         scores: score of one episode in each engine, by the name of the engine.
+        wall_time: time [s] at which the robot met the wall at the end of the ground in the episode
+            of `fitness`; None if it did not. Then the file does not have this field.
         seed, evaluations: seed and number of evaluations of the run.
         versions: versions of the packages that were used, by name, and 'code', see `code_version`.
 
@@ -73,6 +83,7 @@ class TrainedController:
     chosen_by: str = 'pymunk'
     task: str = DEFAULT_TASK
     scores: dict[str, float] = field(default_factory=dict)
+    wall_time: float | None = None
 
     def __post_init__(self) -> None:
         check_name('task', self.task, TASKS)
@@ -87,9 +98,13 @@ class TrainedController:
 
     @property
     def achieved(self) -> str:
-        """Return the fitness with quantity and unit, such as 'v_x 8.213 m/s'."""
+        """Return the fitness with quantity and unit, such as 'v_x 8.213 m/s'.
+
+        It says when the robot met the wall at the end of the ground.
+        """
         task = TASKS.find(self.task)
-        return f'{task.quantity} {task.in_unit(self.fitness)}'
+        wall = '' if self.wall_time is None else f' (met the wall at {self.wall_time:.2f} s)'
+        return f'{task.quantity} {task.in_unit(self.fitness)}{wall}'
 
     def in_arithmetic(self, name: str) -> 'TrainedController':
         """Return the controller with cells that compute in another arithmetic.
@@ -179,7 +194,13 @@ def package_versions() -> dict[str, str]:
 
 
 def save_controller(path: Path | str, trained: TrainedController) -> None:
-    """Write `trained` to `path`, atomically."""
+    """Write `trained` to `path`, atomically.
+
+    Raises:
+        InvalidInput: it has more parameters than a controller file may hold.
+        OSError: `path` cannot be written.
+    """
+    check_size(len(trained.parameters))
     cells = trained.architecture.to_dict()
     header = {
         'format_version': FORMAT_VERSION,
@@ -197,6 +218,8 @@ def save_controller(path: Path | str, trained: TrainedController) -> None:
         'task': trained.task,
         'scores': trained.scores,
     }
+    if trained.wall_time is not None:
+        header['wall_time'] = float(trained.wall_time)
     text = np.array(json.dumps(header))
     write_atomically(
         Path(path), lambda file: np.savez_compressed(file, header=text, theta=trained.parameters)
@@ -264,4 +287,5 @@ def _checked(header: dict, theta: np.ndarray) -> TrainedController:
         task=DEFAULT_TASK if is_old else field_of(header, 'task', str),
         scores=_scores(header.get('v_x', {}), 'v_x') if is_old
         else _scores(header.get('scores'), 'scores'),
+        wall_time=field_of(header, 'wall_time', float) if 'wall_time' in header else None,
     )

@@ -14,7 +14,7 @@ from sim_node.errors import InvalidInput, check_keys
 from sim_node.model.body_faults import OUTAGE, FaultsOfBody, parse_outage, uniform
 from sim_node.model.constants import Checked, constant, declared, text_value
 from sim_node.model.morphology import DIRECTIONS, Morphology
-from snca_ros.files import read_yaml
+from snca_ros.yaml_file import read_yaml
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,38 @@
-"""Writing figures to files, and legends."""
+"""Style of figures, writing figures to files, and legends."""
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 
 from sim_node.errors import InvalidInput
 from snca_ros.files import check_writable, write_atomically
+
+
+@contextlib.contextmanager
+def own_style(settings: dict[Any, Any] | None = None) -> Iterator[None]:
+    """Draw or write a figure in matplotlib's default style, whatever the user's settings are.
+
+    Also a decorator. Names of files are shown as they are: a `$` in them begins no formula.
+
+    Args:
+        settings: further settings of matplotlib.
+    """
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update({'text.parse_math': False, **(settings or {})})
+        yield
+
+
+def as_label(name: str) -> str:
+    """Return the name of a file as a label, with escape sequences where it is not UTF-8."""
+    text = name.encode(errors='backslashreplace').decode()
+    return f' {text}' if text.startswith('_') else text  # matplotlib hides labels that do
 
 
 def check_figure(path: Path) -> str:
@@ -31,7 +56,8 @@ def write_figure(figure: Figure, path: Path) -> None:
     """
     kind = check_figure(path)
     try:
-        write_atomically(path, lambda file: figure.savefig(file, format=kind, dpi=120))
+        with own_style():
+            write_atomically(path, lambda file: figure.savefig(file, format=kind, dpi=120))
     except OSError as error:
         shown = f'{path}: {error.strerror}'
         raise InvalidInput('figure', shown, 'a file that can be written') from None

@@ -1,6 +1,8 @@
 """Progress of long commands: status line, time left and text charts."""
 
+import contextlib
 import math
+import os
 import shutil
 import sys
 import time
@@ -33,6 +35,9 @@ def bars(values: np.ndarray, width: int, height: int = 1) -> list[str]:
 class StatusLine:
     """Progress on standard error: on a terminal a line that changes, else a line now and then.
 
+    The cursor stays at the beginning of a line that changes, so that messages of other processes,
+    such as nodes, overwrite it and begin a line. Call `clear` before other output of this process.
+
     Args:
         every: seconds between lines, if standard error is not a terminal.
     """
@@ -44,10 +49,10 @@ class StatusLine:
     @property
     def width(self) -> int:
         """Return how many characters fit on a line; 0 if standard error is not a terminal."""
-        return shutil.get_terminal_size().columns - 1 if self._live else 0
+        return _columns() - 1 if self._live else 0
 
     def show(self, text: str, last: bool = False) -> None:
-        """Show `text`, cut to the terminal, if it is due or the last.
+        """Show `text`, as much of it as fits on a line of the terminal, if it is due or the last.
 
         Args:
             text: the line.
@@ -57,14 +62,36 @@ class StatusLine:
         if not (self._live or last or now - self._shown >= self._every):
             return
         self._shown = now
-        text = text[: self.width] if self._live else text
-        end = '\n' if last or not self._live else ''
-        print(f'\r\x1b[K{text}' if self._live else text, end=end, file=sys.stderr, flush=True)
+        end = '\n' if last or not self._live else '\r'
+        self._write(f'\r\x1b[K{fit(text, self.width)}{end}' if self._live else f'{text}{end}')
 
     def clear(self) -> None:
         """Remove the line from a terminal, so that other output can follow."""
         if self._live:
-            print('\r\x1b[K', end='', file=sys.stderr, flush=True)
+            self._write('\r\x1b[K')
+
+    @staticmethod
+    def _write(text: str) -> None:
+        with contextlib.suppress(OSError):  # nobody can read it; the command goes on
+            sys.stderr.write(text)
+            sys.stderr.flush()
+
+
+def fit(text: str, width: int) -> str:
+    """Return the part of a line that fits into `width` characters, cut between its parts."""
+    if len(text) <= width:
+        return text
+    ends = [text.rfind(separator, 0, width + 2) for separator in ('  ', ', ', '; ')]
+    end = max(ends) if max(ends) > 0 else text.rfind(' ', 0, width + 1)
+    return text[: end if end > 0 else width].rstrip()
+
+
+def _columns() -> int:
+    """Return the width of the terminal of standard error."""
+    with contextlib.suppress(OSError, ValueError):
+        if columns := os.get_terminal_size(sys.stderr.fileno()).columns:
+            return columns
+    return shutil.get_terminal_size().columns
 
 
 class TimeLeft:

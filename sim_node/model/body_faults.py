@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_node.control_time import CONTROL_RATE
+from sim_node.control_time import steps_in
 from sim_node.errors import InvalidInput, near_miss
 from sim_node.model.constants import Checked, constant, text_value
 from sim_node.model.morphology import Morphology
@@ -43,6 +43,8 @@ _PATTERN = re.compile(
     re.ASCII,
 )
 
+
+_ENDLESS = 1e9  # s; longer than any episode
 
 BLOCK = 4
 """Number of random numbers that are drawn together for a voxel and control step."""
@@ -95,8 +97,8 @@ class Outage:
 
     def covers(self, steps: np.ndarray) -> np.ndarray:
         """Return which control steps are within the outage, bool of the shape of `steps`."""
-        begin, end = self.begin * CONTROL_RATE, self.end * CONTROL_RATE
-        return (np.rint(begin) <= steps) & (steps < np.rint(end))
+        begin, end = (steps_in(min(time, _ENDLESS)) for time in (self.begin, self.end))
+        return (begin <= steps) & (steps < end)
 
 
 def parse_outage(field: str, text: str) -> Outage | None:

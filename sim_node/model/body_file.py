@@ -23,7 +23,10 @@ FORMAT_VERSION = 2
 """Version of new files. Files of version 1 have no field `task`: their task is walking."""
 
 _READABLE = (1, FORMAT_VERSION)
-_MAX_BYTES = 64 * 2**20
+MOST_PARAMETERS = 2**23
+"""Largest number of parameters in a controller file."""
+
+_MAX_BYTES = 8 * MOST_PARAMETERS + 2**20  # the parameters, and more than enough for the rest
 
 
 @dataclass(frozen=True)
@@ -110,6 +113,13 @@ def check_version(header: dict) -> None:
     version = field_of(header, 'format_version', int)
     if version not in _READABLE:
         raise InvalidInput('format_version', version, ' or '.join(map(str, _READABLE)))
+
+
+def check_size(n_parameters: int) -> None:
+    """Raise InvalidInput if so many parameters do not fit into a controller file."""
+    if n_parameters > MOST_PARAMETERS:
+        expected = f'at most {MOST_PARAMETERS}: smaller hidden layers or fewer voxels'
+        raise InvalidInput('parameters', n_parameters, expected)
 
 
 def field_of(values: dict, name: str, kinds: type | tuple[type, ...], outer: str = '') -> Any:

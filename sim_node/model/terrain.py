@@ -23,6 +23,7 @@ DEPTH = 50.0
 
 _STEP_RISE_WIDTH = 0.5
 _NUMBER = r'(\d+(?:\.\d+)?)'
+_SEED = r'(0|[1-9]\d*)'  # one name for each
 _MAX_HEIGHT, _MAX_RUN, _MAX_ANGLE = 100.0, 1000.0, 60.0
 
 
@@ -46,6 +47,11 @@ class Terrain:
     def start(self) -> float:
         """Return the x [m] of the right end of the left wall; robots start 1 m right of it."""
         return float(self.x[1])
+
+    @property
+    def feet_of_walls(self) -> np.ndarray:
+        """Return the x [m] between which the ground is free of walls, (2,), see `meetings`."""
+        return self.x[[1, -2]]
 
     @property
     def polygons(self) -> np.ndarray:
@@ -135,8 +141,8 @@ def _irregular(name: str, h: str, w: str, seed: str) -> tuple[list[float], list[
 
 _KINDS: dict[str, tuple[str, str, Callable]] = {
     'flat': ('flat', 'flat', _flat),
-    'hilly': ('hilly-<h>-<w>-<seed>', rf'hilly-{_NUMBER}-{_NUMBER}-(\d+)', _irregular),
-    'steppy': ('steppy-<h>-<w>-<seed>', rf'steppy-{_NUMBER}-{_NUMBER}-(\d+)', _irregular),
+    'hilly': ('hilly-<h>-<w>-<seed>', rf'hilly-{_NUMBER}-{_NUMBER}-{_SEED}', _irregular),
+    'steppy': ('steppy-<h>-<w>-<seed>', rf'steppy-{_NUMBER}-{_NUMBER}-{_SEED}', _irregular),
     'uphill': ('uphill-<degrees>', rf'uphill-{_NUMBER}', _slope),
     'downhill': ('downhill-<degrees>', rf'downhill-{_NUMBER}', _slope),
 }

@@ -1,122 +1,22 @@
-"""The cache of compiled code between processes: its folder, its keys, and checks for damage.
+"""The cache of compiled code between processes: its keys, its files, and checks for damage."""
 
-Numba recompiles a function when its own file changes, but not when a function that it calls, a
-constant from another module, or a library changes. So the folder is named by a digest of all of
-these; numba itself adds the processor to the key of every function.
-"""
-
-import functools
+import contextlib
 import hashlib
 import inspect
 import os
 import pickle
-import re
-import shutil
-import stat
 import sys
-import tempfile
-import time
 from collections.abc import Iterable, Iterator
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from numba.core import types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 
-from sim_node.numerics.source_digest import ROOT, digest_of, is_outside, sources
+from sim_node.numerics.cache_folder import folder
+from sim_node.numerics.source_digest import digest_of, is_outside
 
-_DEPENDENCIES = 'numba', 'llvmlite', 'numpy', 'pymunk'
-_NAME = re.compile(r'[0-9a-f]{16}')
-_USED, _DAY, _KEPT = 'used', 86_400.0, 30 * 86_400.0  # name of the stamp file; seconds
 _SUM = hashlib.sha256().digest_size
-
-
-@functools.cache
-def folder() -> Path | None:
-    """Return the folder of compiled code for the sources and libraries as they are now.
-
-    It is below NUMBA_CACHE_DIR or XDG_CACHE_HOME, if one is set, else below ~/.cache. Folders of
-    other versions that no process has used for 30 days are removed.
-
-    Returns:
-        The folder, which exists and is writable. None if there is no such folder: every process
-        then compiles, and a message on standard error reports it once.
-    """
-    parent = _parent()
-    path = parent / _digest()
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        _check_writable(path)
-        if parent.parent == Path(tempfile.gettempdir()):
-            _check_mine(parent)
-        _touch(path / _USED)
-    except OSError as error:
-        print(
-            f'{path}: {error.strerror}: compiled code cannot be kept: this process has to '
-            'compile for about a minute; set XDG_CACHE_HOME to a writable folder',
-            file=sys.stderr,
-        )
-        return None
-    for old in _unused(parent):
-        shutil.rmtree(old, ignore_errors=True)
-    return path
-
-
-def _parent() -> Path:
-    """Return the folder that holds the folders of compiled code of all versions."""
-    for variable in ('NUMBA_CACHE_DIR', 'XDG_CACHE_HOME'):
-        if os.environ.get(variable):
-            return Path(os.environ[variable], 'snca_ros').absolute()
-    home = os.path.expanduser('~')
-    if os.path.isabs(home):
-        return Path(home, '.cache', 'snca_ros')
-    return Path(tempfile.gettempdir(), f'snca_ros-{os.getuid()}')  # no home at all
-
-
-def _digest() -> str:
-    digest = hashlib.sha256(sys.version.encode())
-    for name in _DEPENDENCIES:
-        digest.update(f'{name} {metadata.version(name)}\n'.encode())
-    for source in sources(ROOT):
-        digest.update(source)
-    return digest.hexdigest()[:16]
-
-
-def _check_writable(path: Path) -> None:
-    with tempfile.TemporaryFile(dir=path):
-        pass
-
-
-def _check_mine(path: Path) -> None:
-    """Raise OSError if another user could have written code into a folder in a shared place."""
-    status = path.lstat()
-    path.chmod(0o700)
-    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid():
-        raise PermissionError(1, 'it belongs to another user')
-
-
-def _touch(path: Path) -> None:
-    """Renew the time stamp of a folder in use, at most once a day."""
-    try:
-        if time.time() - path.stat().st_mtime < _DAY:
-            return
-    except FileNotFoundError:
-        pass
-    path.touch()
-
-
-def _unused(parent: Path) -> Iterator[Path]:
-    """Yield the folders of compiled code that no process has used for 30 days."""
-    for path in parent.iterdir():
-        if _NAME.fullmatch(path.name) and path.is_dir() and not path.is_symlink():
-            stamp = path / _USED
-            try:
-                last = (stamp if stamp.exists() else path).stat().st_mtime
-            except OSError:
-                continue
-            if time.time() - last > _KEPT:
-                yield path
 
 
 class _Place:
@@ -153,19 +53,44 @@ class _Results(CompileResultCacheImpl):
 
 
 class _CheckedFiles(IndexDataCacheFile):
-    """Cache files with a checksum: linking damaged machine code could crash the process."""
+    """Cache files with a checksum: linking damaged machine code could crash the process.
+
+    The checksum includes the name of the file, so that one cannot stand in for another.
+    """
+
+    def load(self, key: Any) -> Any:
+        """Return the entry of a key; None if there is none."""
+        name = self._load_index().get(key)
+        try:
+            return None if name is None else self._load_data(name)
+        except FileNotFoundError:
+            return None
+
+    def _load_index(self) -> dict:
+        try:
+            stamp, entries = self._load_data(self._index_name)
+        except FileNotFoundError:
+            return {}
+        return entries if stamp == self._source_stamp else {}
+
+    def _save_index(self, overloads: dict) -> None:
+        self._save_data(self._index_name, (self._source_stamp, overloads))
 
     def _load_data(self, name: str) -> Any:
         with open(self._data_path(name), 'rb') as file:
             checksum, data = file.read(_SUM), file.read()
-        if hashlib.sha256(data).digest() != checksum:
-            raise ValueError(f'{name} is damaged')
+        if self._checksum(name, data) != checksum:
+            raise ValueError('damaged')
         return pickle.loads(data)
 
     def _save_data(self, name: str, data: Any) -> None:
         dumped = self._dump(data)
         with self._open_for_write(self._data_path(name)) as file:
-            file.write(hashlib.sha256(dumped).digest() + dumped)
+            file.write(self._checksum(name, dumped) + dumped)
+
+    def _checksum(self, name: str, data: bytes) -> bytes:
+        place = os.path.join(os.path.basename(self._cache_path), name)
+        return hashlib.sha256(os.fsencode(place) + b'\0' + data).digest()
 
 
 def _classes(kinds: Iterable[Any]) -> Iterator[type]:
@@ -234,8 +159,10 @@ class CodeCache(FunctionCache):
             return None
         try:
             return super().load_overload(sig, target_context)
-        except Exception:
-            self.flush()
+        except Exception as error:
+            with contextlib.suppress(OSError):  # then `save_overload` reports that it fails
+                self.flush()
+                _report(self._cache_path, error, 'compiled code is dropped and compiled again')
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -244,6 +171,16 @@ class CodeCache(FunctionCache):
             return
         try:
             super().save_overload(sig, data)
-        except OSError as error:
-            print(f'{self._cache_path}: {error.strerror}: compiled code is not kept',
-                  file=sys.stderr)
+        except Exception as error:
+            _report(self._cache_path, error, 'compiled code is not kept')
+
+
+_reported: set[str] = set()
+
+
+def _report(path: str, error: Exception, consequence: str) -> None:
+    """Print one line on standard error, the first time that there is such a consequence."""
+    if consequence not in _reported:
+        _reported.add(consequence)
+        reason = getattr(error, 'strerror', None) or ' '.join(str(error).split())
+        print(f'{path}: {reason}: {consequence}', file=sys.stderr)

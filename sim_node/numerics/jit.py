@@ -1,8 +1,10 @@
 """Decorators that compile functions with numba and keep the code in the cache of `code_cache`."""
 
+import contextlib
 import fcntl
 import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numba
@@ -10,7 +12,12 @@ from numba.core.ccallback import CFunc
 from numba.core.compiler import Compiler
 from numba.core.sigutils import normalize_signature
 
-from sim_node.numerics.code_cache import CodeCache, folder
+from sim_node.errors import InvalidInput
+from sim_node.numerics.cache_folder import folder
+from sim_node.numerics.code_cache import CodeCache
+
+if numba.config.DISABLE_JIT:
+    raise InvalidInput('NUMBA_DISABLE_JIT', 1, '0: the physics and the cells are compiled code')
 
 
 def _kept(compiled: Any, function: Callable) -> Any:
@@ -99,7 +106,15 @@ def warm_up(name: str, run: Callable[[], object]) -> None:
     if place is None or (done := place / f'{name}.compiled').exists():
         run()
         return
-    with (place / f'{name}.lock').open('w') as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with _locked(place / f'{name}.lock'):
         run()
-        done.touch()
+        with contextlib.suppress(OSError):
+            done.touch()
+
+
+def _locked(path: Path) -> contextlib.AbstractContextManager:
+    """Return the open file, locked; a context without a lock if the file cannot be locked."""
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError):  # then several processes may compile the same
+            fcntl.flock(stack.enter_context(path.open('a')), fcntl.LOCK_EX)
+        return stack.pop_all()

@@ -32,7 +32,7 @@ class Answers:
     def restart(self, now: float) -> None:
         """Begin an episode at time `now` [s]: clear everything but `silent`."""
         self._actuation[:] = 0.0
-        self._newest = [-1] * len(self._voxels)
+        self._newest = np.full(len(self._voxels), -1)
         for delivery in self.deliveries:
             delivery.restart()
         self.restart_timeouts(now)
@@ -77,6 +77,16 @@ class Answers:
             if voxel in self.silent:
                 self._actuation[i] = 0.0
         return self._actuation
+
+    def ages(self, step: int) -> np.ndarray:
+        """Return the ages in steps of the answers that `close_step` returned, (n_voxels,).
+
+        The age is 0 if the answer to this step came in time, n > 0 if the voxel holds its answer to
+        the step n steps before, and -1 if it is limp: no answer counts, and its actuation is 0.
+        """
+        limp = self._newest < 0
+        limp |= [voxel in self.silent for voxel in self._voxels]
+        return np.where(limp, -1, step - self._newest)
 
     def mark_silent(self, now: float, limit: float) -> list[str]:
         """Add the voxels without an answer for more than `limit` seconds to `silent`.

@@ -13,7 +13,7 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import JointState
 
-from sim_node.control_time import CONTROL_RATE, START_STEPS
+from sim_node.control_time import CONTROL_RATE, START_STEPS, steps_in
 from sim_node.episode import EpisodeNames
 from sim_node.errors import InvalidInput
 from sim_node.numerics.jit import warm_up
@@ -56,7 +56,8 @@ class SimNode(RosNode):
         self._voxels = self.simulation.morphology.voxel_names
         warm_up('simulation', lambda: self.simulation.step(np.zeros(len(self._voxels))))
         self._make_topics()
-        create_services(self, self)
+        duration = self._options.duration
+        self._last_step = steps_in(duration) if duration else None
         factor = self._options.real_time_factor
         self._real_time = factor > 0.0
         self._answers = Answers(self._voxels, hold=self._real_time)
@@ -70,7 +71,8 @@ class SimNode(RosNode):
         self._tick_timer = self.create_timer(1.0, self._tick, autostart=False)
         self.create_timer(_WATCH_PERIOD, self._watch)
         self._start.begin_when_possible(
-            self._begin_first, lambda: self._broadcast.unrecorded_topics(self._options.recorders),
+            self._offer, self.begin,
+            lambda: self._broadcast.unrecorded_topics(self._options.recorders),
             self._options.start_limit,
         )
 
@@ -88,9 +90,9 @@ class SimNode(RosNode):
         """Return the present control step."""
         return self.simulation.step_count
 
-    def _begin_first(self) -> None:
+    def _offer(self) -> None:
         self._broadcast.settle()
-        self.begin()
+        create_services(self, self)
 
     def begin(self) -> None:
         """Begin an episode: put the robot down, wait for every voxel again, publish step 0."""
@@ -109,8 +111,7 @@ class SimNode(RosNode):
         self._answers.open_step()
         self._waiting_since = self.listening.now()
         self._broadcast.publish_state()
-        duration = self._options.duration
-        if duration and self.simulation.step_count >= duration * CONTROL_RATE:
+        if self.simulation.step_count == self._last_step:
             self._finish()
         else:
             self._broadcast.publish_sensors(self._readings, self._episode)
@@ -157,12 +158,14 @@ class SimNode(RosNode):
 
     def _make_step(self) -> None:
         self._requested_steps = None if self._requested_steps is None else self._requested_steps - 1
-        actuation = self._answers.close_step(self.simulation.step_count)
+        step = self.simulation.step_count
+        actuation, ages = self._answers.close_step(step), self._answers.ages(step)
         try:
             self._readings = self.simulation.step(actuation)
         except Diverged as error:
             self.fail(f'the physics diverged: {error}')
             return
+        self._broadcast.publish_applied(step, ages, self._episode)
         self.count('steps')
         if self.simulation.step_count > START_STEPS:
             self._times.note(time.monotonic())
@@ -251,7 +254,8 @@ class SimNode(RosNode):
         if waiting and self.listening.now() - self._waiting_since > _SLOW:
             missing = ', '.join(self._answers.missing)
             return DiagnosticStatus.WARN, f'step {step} waits for {missing}'
-        return DiagnosticStatus.OK, f'running, step {step}'
+        text = ', '.join([f'running, step {step}', *self.simulation.walls.describe()])
+        return DiagnosticStatus.OK, text
 
     def publish_diagnostics(self) -> None:
         """Publish the state, unless another simulation of this name does."""

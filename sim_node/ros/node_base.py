@@ -21,13 +21,13 @@ from rclpy.exceptions import (
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 from rclpy.timer import Timer
 
 from sim_node.errors import InvalidInput
-from sim_node.ros import security
+from sim_node.ros import domain, security
+from sim_node.ros.context import start_ros
 from sim_node.ros.deadlines import ListeningTime
 from sim_node.ros.interface import DIAGNOSTICS, DIAGNOSTICS_PERIOD
 from sim_node.ros.stop_signals import StopRequest
@@ -234,8 +234,9 @@ def run_nodes(make_nodes: Callable[[], Sequence[RosNode]], argv: list[str]) -> i
     nodes: Sequence[RosNode] = ()
     secured = False
     try:
+        domain.check_domain()
         secured = security.is_requested()
-        rclpy.init(args=[sys.argv[0], *argv], signal_handler_options=SignalHandlerOptions.NO)
+        start_ros([sys.argv[0], *argv])
         nodes = make_nodes()
     except InvalidInput as error:
         print(f'error: {error}', file=sys.stderr)

@@ -1,4 +1,4 @@
-"""(ROS) The publishers of the simulation: clock, odometry, markers, and sensors of each voxel."""
+"""(ROS) The publishers of the simulation: its state, the sensors and the applied actuation."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ from visualization_msgs.msg import MarkerArray
 from sim_node.control_time import CONTROL_RATE, MARKER_PERIOD, stamp_of_step
 from sim_node.ros import topics
 from sim_node.ros.clock_topic import ClockTopic
-from sim_node.ros.sim_interface import ACTUATION, MARKERS, ODOMETRY, SENSORS
+from sim_node.ros.sim_interface import ACTUATION, APPLIED, MARKERS, ODOMETRY, SENSORS
 from sim_node.simulation import Simulation
 
 
@@ -36,6 +36,9 @@ class Broadcast:
         voxels = simulation.morphology.voxel_names
         self._robot = topics.RobotMarkers(len(voxels))
         self._ground = topics.ground_markers(simulation.terrain.x, simulation.terrain.y)
+        robot = node.get_namespace().strip('/') or simulation.morphology.name
+        self._applied = node.create_publisher(JointState, APPLIED.name, qos)
+        self._applied_wire = topics.applied_format(robot, voxels)
         self._sensors = [
             (node.create_publisher(JointState, SENSORS.of(voxel), qos),
              topics.sensors_format(voxel, simulation.sensors))
@@ -46,18 +49,19 @@ class Broadcast:
     def publishers(self) -> Sequence[Publisher]:
         """Return all publishers."""
         sensors = [publisher for publisher, _ in self._sensors]
-        return [self._odometry, self._markers, self._clock.publisher, *sensors]
+        return [self._odometry, self._markers, self._clock.publisher, self._applied, *sensors]
 
     def unrecorded_topics(self, recorders: int) -> list[str]:
         """Return the topics to which fewer than `recorders` recorders have subscribed."""
         if not recorders:
             return []
-        names = [self._odometry.topic_name]
+        names = [self._odometry.topic_name, self._applied.topic_name]
+        needed = [recorders] * len(names)
         for voxel in self._simulation.morphology.voxel_names:
             for topic in (ACTUATION, SENSORS):
                 names.append(self._node.resolve_topic_name(topic.of(voxel)))
         # A voxel's topics have one more subscriber: the voxel or the simulation.
-        needed = [recorders] + [recorders + 1] * (len(names) - 1)
+        needed += [recorders + 1] * (len(names) - len(needed))
         return [
             name for name, need in zip(names, needed, strict=True)
             if self._node.count_subscribers(name) < need
@@ -81,6 +85,19 @@ class Broadcast:
             self._markers.publish(self._robot.encode(world.corners, world.area_ratios))
         if step % CONTROL_RATE == 0:  # repeated for viewers that join late
             self._markers.publish(self._ground)
+
+    def publish_applied(self, step: int, ages: np.ndarray, episode: np.ndarray) -> None:
+        """Publish the actuation that has moved the body in a step, just made.
+
+        Args:
+            step: the control step k.
+            ages: (n_voxels,) as from `Answers.close_step`.
+            episode: as from `sim_node.episode.new_episode`.
+        """
+        self._applied.publish(self._applied_wire.encode(
+            stamp_of_step(step), position=self._simulation.world.actuation, effort=ages,
+            episode=episode,
+        ))
 
     def publish_sensors(self, readings: np.ndarray, episode: np.ndarray) -> None:
         """Publish each voxel's readings at the present step.

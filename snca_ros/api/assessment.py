@@ -39,11 +39,15 @@ class Scores:
         coords: coordinates of each axis of `DIMS`: names of the robots, texts of the faults ('' for
             none), names of the terrains, and numbers of the starts (0 is the exact one).
         task: task of the robots, which has quantity and unit of the values.
+        wall_times: (n_robots, n_faults, n_terrains, n_starts, 2) times [s] at which the robot met
+            the wall behind its start, and the wall at the end of the ground; NaN if it did not.
+            v_x is measured until the latter.
     """
 
     values: np.ndarray
     coords: dict[str, tuple]
     task: Task
+    wall_times: np.ndarray
 
     @property
     def v_x(self) -> np.ndarray:
@@ -79,10 +83,12 @@ class Scores:
         return np.array(self.values, dtype=dtype)
 
     def __repr__(self) -> str:
+        ended = np.isfinite(self.wall_times[..., 1]).sum()
         sizes = ', '.join(f'{dim} {n}' for dim, n in zip(DIMS, self.values.shape, strict=True))
         return (
             f'Scores({sizes}: {self.task.quantity} {self.values.min():.3f} to '
-            f'{self.values.max():.3f}, mean {self.task.in_unit(self.values.mean())})'
+            f'{self.values.max():.3f}, mean {self.task.in_unit(self.values.mean())}'
+            f'{f", {ended} met the wall at the end of the ground" if ended else ""})'
         )
 
 
@@ -137,11 +143,12 @@ def assess(
         list(all_faults.values()), grounds, engine, 1 + starts, duration,
     )
     with worker_processes(workers) as opened:
-        values = run_trials(opened, trials)
-    values = values.reshape(len(loaded), len(all_faults), 1 + starts, len(grounds)).swapaxes(2, 3)
+        values, walls = run_trials(opened, trials)
+    shape = len(loaded), len(all_faults), 1 + starts, len(grounds)
+    values, walls = values.reshape(shape).swapaxes(2, 3), walls.reshape(*shape, 2).swapaxes(2, 3)
     names = tuple(robot.name for robot in loaded)
     coords = names, tuple(all_faults), grounds, tuple(range(1 + starts))
-    return Scores(values, dict(zip(DIMS, coords, strict=True)), task)
+    return Scores(values, dict(zip(DIMS, coords, strict=True)), task, walls)
 
 
 def _all_faults(

@@ -10,7 +10,8 @@ from sim_node.errors import InvalidInput
 from snca_ros.api.processes import worker_processes
 from snca_ros.api.robot import Robot
 from snca_ros.evolution import evolve as offline
-from snca_ros.evolution.checkpoint import HISTORY, Progress, RunFolder
+from snca_ros.evolution.checkpoint import Progress, RunFolder
+from snca_ros.evolution.checkpoint_arrays import HISTORY
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.tasks import TASKS
 from snca_ros.files import RUNS

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_node.errors import InvalidInput
-from snca_ros.assessment.trials import Trial, all_trials, summary
+from snca_ros.assessment.trials import WALLS, Trial, all_trials, summary
 from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import EPISODE
 from snca_ros.faults import Faults, parse_faults
 
-COLUMNS = ('controller', 'faults', 'x', 'terrain', 'engine', 'start')
+COLUMNS = ('controller', 'faults', 'x', 'terrain', 'engine', 'start', *WALLS)
 """Columns of the CSV file, one row per episode; the last column is the score, named after the
 task's quantity. x is the value of the swept fault."""
 

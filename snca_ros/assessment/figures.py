@@ -8,9 +8,10 @@ from matplotlib.figure import Figure
 from snca_ros.assessment.fault_sweep import Sweep
 from snca_ros.assessment.trials import summary
 from snca_ros.evolution.tasks import Task
-from snca_ros.figures import legend_above
+from snca_ros.figures import as_label, legend_above, own_style
 
 
+@own_style()
 def draw_scores(
     controllers: Sequence[str], terrains: Sequence[str], scores: np.ndarray, task: Task
 ) -> Figure:
@@ -29,7 +30,7 @@ def draw_scores(
         color = f'C{i % 10}'
         for pushed in of_one.T[1:]:
             axes.plot(pushed, rows, '.', color=color, markersize=4, alpha=0.4)
-        label = f'{name}: mean {task.in_unit(of_one[:, 0].mean())}'
+        label = f'{as_label(name)}: mean {task.in_unit(of_one[:, 0].mean())}'
         axes.plot(of_one[:, 0], rows, 'o', color=color, markersize=6, label=label)
     axes.set_yticks(range(len(terrains)), terrains, fontsize=8)
     axes.invert_yaxis()
@@ -39,6 +40,7 @@ def draw_scores(
     return figure
 
 
+@own_style()
 def draw_sweeps(
     names: Sequence[str], sweeps: Sequence[Sweep], scores: Sequence[np.ndarray], task: Task
 ) -> Figure:
@@ -60,7 +62,7 @@ def draw_sweeps(
         for i, of_one in enumerate(of_sweep):
             pairs = [summary(of_value.tolist()) for of_value in of_one]
             mean, std = np.array([p if np.isfinite(p).all() else (np.nan, np.nan) for p in pairs]).T
-            color, label = f'C{i % 10}', names[i] if axes is panels[0] else None
+            color, label = f'C{i % 10}', as_label(names[i]) if axes is panels[0] else None
             axes.plot(sweep.values, mean, '.-', color=color, label=label)
             axes.fill_between(sweep.values, mean - std, mean + std, color=color, alpha=0.25)
         axes.axhline(0.0, color='0.55', linewidth=0.5)

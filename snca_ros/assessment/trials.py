@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sim_node.control_time import CONTROL_RATE
+from sim_node.control_time import CONTROL_RATE, steps_in
 from sim_node.engine import DEFAULT_ENGINE, ENGINES
 from sim_node.errors import InvalidInput
 from sim_node.model.constants import check_declared, choice, constant
@@ -19,12 +19,16 @@ from sim_node.simulation import Simulation
 from snca_ros.cell.models.arithmetic import ARITHMETICS, DEFAULT_ARITHMETIC
 from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import EPISODE, LONGEST, TRANSIENT, Episode, run_episode
-from snca_ros.evolution.tasks import Task, check_task, score_of
+from snca_ros.evolution.tasks import Scored, Task, check_task, score_of
 from snca_ros.evolution.workers import Workers
 from snca_ros.faults import NO_FAULTS, Faults
 from snca_ros.files import write_text
 
-COLUMNS = ('controller', 'terrain', 'engine', 'start')
+WALLS = ('wall_behind', 'wall_ahead')
+"""Columns of times [s] at which the robot met the wall behind its start, and the wall at the end of
+the ground; empty if it did not."""
+
+COLUMNS = ('controller', 'terrain', 'engine', 'start', *WALLS)
 """Columns of the CSV file, one row per episode; the last column is the score, named after the
 task's quantity. Start 0 is the exact one, the others are pushed. For each start, a row of a kind of
 terrain has the mean over its seeds, and a row `MEAN` has the mean over the terrains or kinds."""
@@ -62,7 +66,7 @@ class Trial:
         return self.trained.simulation(self.terrain, self.engine, self.start, self.faults)
 
 
-def score(trial: Trial) -> float:
+def score(trial: Trial) -> Scored:
     """Return the score of a trial by the controller's task; -inf if the physics diverged."""
     task = check_task(trial.trained.task)
     simulation, controller = trial.simulation(), trial.trained.controller(trial.faults)
@@ -77,9 +81,40 @@ def score(trial: Trial) -> float:
     return score_of(task, episode(trial.duration), trial.transient)
 
 
-def run_trials(workers: Workers, trials: Sequence[Trial]) -> np.ndarray:
-    """Return the score of each trial, (n_trials,); it does not depend on the workers."""
-    return np.array(list(workers.executor.map(score, trials)))
+def run_trials(workers: Workers, trials: Sequence[Trial]) -> tuple[np.ndarray, np.ndarray]:
+    """Run trials; the result does not depend on the workers.
+
+    Returns:
+        The score of each trial, (n_trials,), and the times [s] at which the robot met the walls
+        behind its start and at the end of the ground, (n_trials, 2); NaN if it did not.
+    """
+    found = list(workers.executor.map(score, trials))
+    times = np.array([one.walls.times for one in found], dtype=np.float64)
+    return np.array([one.score for one in found]), times.reshape(-1, 2)
+
+
+def wall_lines(times: np.ndarray, task: Task) -> list[str]:
+    """Return lines that say in how many episodes the robot met a wall.
+
+    Args:
+        times: (n_trials, 2) as from `run_trials`.
+        task: task of the scores.
+    """
+    behind, ahead = np.isfinite(times).sum(axis=0).tolist()
+    of = f'of {len(times)} episodes'
+    lines = [f'in {behind} {of} the robot met the wall behind its start'] if behind else []
+    if ahead:
+        lines.append(
+            f'in {ahead} {of} the robot met the wall at the end of the ground; v_x is measured '
+            f'until then'
+        )
+    return lines
+
+
+def wall_cells(times: np.ndarray) -> list[tuple[str, str]]:
+    """Return the cells of a CSV file for (n, 2) `times` of `run_trials`; empty for NaN."""
+    shown = [f'{time:.9g}' if np.isfinite(time) else '' for time in times.ravel().tolist()]
+    return list(zip(shown[::2], shown[1::2], strict=True))
 
 
 def all_trials(
@@ -134,7 +169,7 @@ class AssessmentOptions:
 
     def __post_init__(self) -> None:
         check_declared(self)
-        if self.duration <= TRANSIENT:
+        if steps_in(self.duration) <= steps_in(TRANSIENT):
             expected = f'a time above {TRANSIENT:g} s, since the first {TRANSIENT:g} s do not count'
             raise InvalidInput('duration', self.duration, expected)
 

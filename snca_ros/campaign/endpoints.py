@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sim_node.control_time import CONTROL_RATE
+from sim_node.control_time import steps_in
 from sim_node.errors import InvalidInput
 from sim_node.model.terrain import DEFAULT_TERRAIN_SET, TERRAIN_SETS, UNSEEN_KINDS
 from sim_node.simulation import Diverged
@@ -22,6 +22,7 @@ from snca_ros.evolution.checkpoint import Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evaluator import evaluate
 from snca_ros.evolution.evolve import evolve
+from snca_ros.evolution.history import CURVE_COLUMNS
 from snca_ros.evolution.workers import IN_PROCESS
 from snca_ros.recording.gait import dominant_frequency, steady_part, vibration_share
 
@@ -33,9 +34,6 @@ ROBUST_STARTS = range(101, 121)
 """Pushed starts at which the robust controller is assessed in pymunk; others than `STARTS`, since
 it was chosen by those."""
 
-CURVE_COLUMNS = ('evaluations', 'best_so_far')
-"""Columns of a history: best v_x [m/s] so far where it rises, and at the last generation."""
-
 
 @dataclass(frozen=True)
 class Outcome:
@@ -45,12 +43,15 @@ class Outcome:
         row: its row of results.csv, column to text.
         history: CSV text of its best-so-far curve.
         controller, robust: contents of its best.npz and of its robust.npz.
+        n_at_wall: number of episodes of the assessment in which the robot met the wall at the end
+            of the ground; their v_x is measured until then.
     """
 
     row: dict[str, str]
     history: str
     controller: bytes
     robust: bytes
+    n_at_wall: int
 
 
 def perform(config: RunConfig, path: Path) -> Outcome:
@@ -81,16 +82,19 @@ def perform(config: RunConfig, path: Path) -> Outcome:
         robust = replace(
             best, parameters=parameters, fitness=float(fitness),
             scores={config.engine: float(fitness)}, versions=versions,
+            wall_time=next(evaluate(IN_PROCESS, config, parameters[np.newaxis])).walls.times[1],
         )
         save_controller(path / 'robust.npz', robust)
+        of_best, at_wall = _of_the_best(config, best)
+        of_robust, robust_at_wall = _of_the_robust(config, robust, chosen)
         found = {
             **settings_of(config),
             **{f'{name}_version': versions[name] for name in ('code', 'numpy', 'numba', 'pymunk')},
-            **_of_the_best(config, best), **_of_the_robust(config, robust, chosen),
+            **of_best, **of_robust,
         }
         row = {column: str(found[column]) for column in COLUMNS}
-        files = [(path / name).read_bytes() for name in ('best.npz', 'robust.npz')]
-        return Outcome(row, _curve(progress), *files)
+        files = (path / 'best.npz').read_bytes(), (path / 'robust.npz').read_bytes()
+        return Outcome(row, _curve(progress), *files, at_wall + robust_at_wall)
     finally:
         folder.close()
 
@@ -110,7 +114,9 @@ def choose_robust(config: RunConfig, progress: Progress) -> Chosen:
     engine. Of individuals with equal means, the one with the larger fitness is chosen.
     """
     individuals, _ = progress.population
-    v_x = [list(evaluate(IN_PROCESS, config, individuals, start)) for start in STARTS]
+    v_x = [
+        [one.score for one in evaluate(IN_PROCESS, config, individuals, start)] for start in STARTS
+    ]
     means = np.mean(v_x, axis=0)
     place = int(np.argmax(means))
     return Chosen(place, float(means[place]))
@@ -120,11 +126,11 @@ def _trial(config: RunConfig, trained: TrainedController) -> Trial:
     return Trial(trained, config.terrain, duration=config.duration, transient=config.transient)
 
 
-def _of_the_best(config: RunConfig, best: TrainedController) -> dict[str, object]:
-    """Return the columns of the best controller."""
+def _of_the_best(config: RunConfig, best: TrainedController) -> tuple[dict[str, object], int]:
+    """Return the columns of the best controller, and the number of its episodes at the wall."""
     own = _trial(config, best)
-    unseen = _unseen(own)
-    mean, deviation = _pushed(own, STARTS)
+    (unseen, at_wall), (pushed, pushed_at_wall) = _unseen(own), _pushed(own, STARTS)
+    mean, deviation = summary(pushed)
     steady = steady_part(_actuation(own), config.transient)
     return {
         'terrain_set': DEFAULT_TERRAIN_SET,
@@ -134,31 +140,38 @@ def _of_the_best(config: RunConfig, best: TrainedController) -> dict[str, object
         'starts': _format_starts(STARTS), 'v_x_pushed_mean': mean, 'v_x_pushed_std': deviation,
         'v_x_unseen': summary(unseen)[0], **dict(zip(UNSEEN_KINDS, unseen, strict=True)),
         'frequency': dominant_frequency(steady), 'vibration': vibration_share(steady),
-    }
+    }, at_wall + pushed_at_wall
 
 
 def _of_the_robust(
     config: RunConfig, robust: TrainedController, chosen: Chosen
-) -> dict[str, object]:
-    """Return the columns of the robust controller."""
+) -> tuple[dict[str, object], int]:
+    """Return the columns of the robust controller, and the number of its episodes at the wall."""
     own = _trial(config, robust)
-    mean, deviation = _pushed(own, ROBUST_STARTS)
+    (unseen, at_wall), (pushed, pushed_at_wall) = _unseen(own), _pushed(own, ROBUST_STARTS)
+    mean, deviation = summary(pushed)
     return {
         'robust_rank': 1 + chosen.place, 'v_x_robust_chosen': chosen.mean,
         'robust_starts': _format_starts(ROBUST_STARTS),
         'v_x_robust_mean': mean, 'v_x_robust_std': deviation,
-        'v_x_robust_unseen': summary(_unseen(own))[0],
-    }
+        'v_x_robust_unseen': summary(unseen)[0],
+    }, at_wall + pushed_at_wall
 
 
-def _unseen(own: Trial) -> list[float]:
-    """Return v_x [m/s] in pymunk on each of the unseen terrains."""
-    return [score(replace(own, terrain=name)) for name in TERRAIN_SETS[DEFAULT_TERRAIN_SET]]
+def _unseen(own: Trial) -> tuple[list[float], int]:
+    """Run a trial in pymunk on each of the unseen terrains, see `_scores`."""
+    return _scores([replace(own, terrain=name) for name in TERRAIN_SETS[DEFAULT_TERRAIN_SET]])
 
 
-def _pushed(own: Trial, starts: Sequence[int]) -> tuple[float, float]:
-    """Return mean and sample standard deviation of v_x [m/s] in pymunk over pushed starts."""
-    return summary([score(replace(own, start=start)) for start in starts])
+def _pushed(own: Trial, starts: Sequence[int]) -> tuple[list[float], int]:
+    """Run a trial in pymunk from pushed starts, see `_scores`."""
+    return _scores([replace(own, start=start) for start in starts])
+
+
+def _scores(trials: Sequence[Trial]) -> tuple[list[float], int]:
+    """Return v_x [m/s] of each trial, and how many met the wall at the end of the ground."""
+    found = [score(trial) for trial in trials]
+    return [one.score for one in found], sum(one.walls.ahead is not None for one in found)
 
 
 def _format_starts(starts: range) -> str:
@@ -166,16 +179,19 @@ def _format_starts(starts: range) -> str:
 
 
 def _actuation(trial: Trial) -> np.ndarray:
-    """Return the actuation in an episode, (n_steps, n_voxels), until the physics diverges."""
+    """Return the actuation in an episode, (n_steps, n_voxels).
+
+    It ends where the physics diverges, or the robot meets the wall at the end of the ground.
+    """
     simulation, controller = trial.simulation(), trial.trained.controller()
     readings, actuation = simulation.reset(), []
     try:
-        for _ in range(round(trial.duration * CONTROL_RATE)):
+        for _ in range(steps_in(trial.duration)):
             actuation.append(controller.step(readings))
             readings = simulation.step(actuation[-1])
     except Diverged:
         pass
-    return np.array(actuation)
+    return simulation.walls.free_part(np.array(actuation))
 
 
 def _curve(progress: Progress) -> str:

@@ -8,9 +8,12 @@ import numpy as np
 
 from sim_node.errors import InvalidInput
 from snca_ros.campaign.columns import COLUMNS, INTEGERS, MAY_BE_EMPTY, TEXTS
-from snca_ros.campaign.endpoints import CURVE_COLUMNS, Outcome
+from snca_ros.campaign.endpoints import Outcome
 from snca_ros.campaign.first_results import FIRST_COLUMNS, FIRST_INTEGERS, FIRST_TEXTS, converted
-from snca_ros.files import hold_folder, read_csv, write_atomically, write_text
+from snca_ros.evolution.history import CURVE_COLUMNS
+from snca_ros.files import hold_folder, read_csv, remove_stale, write_atomically, write_text
+
+_FILES = 'results.csv', 'histories/*.csv', 'controllers/*.npz'
 
 
 class Results:
@@ -26,15 +29,19 @@ class Results:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            for folder in ('histories', 'controllers'):
-                (path / folder).mkdir(parents=True, exist_ok=True)
+            path.mkdir(parents=True, exist_ok=True)
             self._lock = hold_folder(path, 'results')
         except OSError as error:
-            expected = 'a folder that can be written'
-            raise InvalidInput('results', error.strerror, expected, str(path)) from None
+            raise _unwritable(path, error) from None
         try:
             table = path / 'results.csv'
             self.rows = {row['run']: row for row in read_rows(table)} if table.exists() else {}
+            remove_stale(path, _FILES)
+            for folder in ('histories', 'controllers'):
+                (path / folder).mkdir(exist_ok=True)
+        except OSError as error:
+            self._lock.close()
+            raise _unwritable(path, error) from None
         except InvalidInput:
             self._lock.close()
             raise
@@ -61,6 +68,10 @@ class Results:
     def close(self) -> None:
         """Release the folder to other processes."""
         self._lock.close()
+
+
+def _unwritable(path: Path, error: OSError) -> InvalidInput:
+    return InvalidInput('results', error.strerror, 'a folder that can be written', str(path))
 
 
 def _write(path: Path, content: bytes) -> None:

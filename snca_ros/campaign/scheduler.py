@@ -21,8 +21,8 @@ class Listener:
     def progress(self, campaign: 'Campaign') -> None:
         """Receive the campaign, about once a second."""
 
-    def finished(self, row: dict[str, str]) -> None:
-        """Receive the row of results.csv of a run that has finished."""
+    def finished(self, outcome: Outcome) -> None:
+        """Receive the results of a run that has finished."""
 
     def failed(self, run: str, reason: str) -> None:
         """Receive the name of a run that has failed, and the reason."""
@@ -88,7 +88,7 @@ class Campaign:
         config = self.running.pop(future)
         self._suspects.discard(config.name)
         self.results.add(outcome)
-        self._listener.finished(self.results.rows[config.name])
+        self._listener.finished(outcome)
 
     def _put_back(self, a_process_ended: bool) -> None:
         configs = list(self.running.values())

@@ -11,7 +11,7 @@ from sim_node.model.solver import Solver
 from snca_ros.campaign.columns import check_comparable
 from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.config import RunConfig
-from snca_ros.files import read_yaml
+from snca_ros.yaml_file import read_yaml
 
 _NEEDED = ('shape', 'architecture', 'neuron_model')
 _KEYS = (
@@ -24,8 +24,8 @@ def read_campaign(path: Path) -> list[RunConfig]:
     """Return the configurations of a campaign file's runs, each once, in the order of their seeds.
 
     Each key has a value or a list of values. Each of the `cases` is the product of its own lists
-    and of those outside `cases`; without `cases`, the file is one product. The default engine is
-    batched.
+    and of those outside `cases`; without `cases`, the file is one product. The defaults are those
+    of `evolve`.
 
     Raises:
         InvalidInput: the file cannot be read, or a key or value in it is invalid.
@@ -48,7 +48,7 @@ def _runs(values: Any) -> Iterator[RunConfig]:
     shared = {key: value for key, value in values.items() if key != 'cases'}
     for i, case in enumerate(cases):
         check_keys(f'cases[{i}]', case, _KEYS)
-        for combination in _product({'engine': 'batched', **shared, **case}):
+        for combination in _product({**shared, **case}):
             yield _run(**combination)
     if not cases:
         raise InvalidInput('cases', cases, 'at least one')
@@ -70,6 +70,8 @@ def _run(
     shape: Any, architecture: Any, neuron_model: Any, as_printed: Any = False,
     physics: Any = DEFAULT_PHYSICS, **options: Any,
 ) -> RunConfig:
+    if isinstance(shape, int) and not isinstance(shape, bool):
+        shape = str(shape)  # a grid of one row, such as 111
     cells = Architecture.named(architecture, neuron_model, as_printed=as_printed)
     config = RunConfig(shape, cells, solver=Solver(physics=physics), **options)
     check_comparable(config)

@@ -1,7 +1,8 @@
 """The sub-commands of `snca`, one module each.
 
 The module of a command has `EXAMPLES`, `add_arguments(parser)` and `run(args, parser)`, which
-returns the exit code. It is imported only when the command is called.
+returns the exit code. A command with the option --json calls `args.write_json` with its results.
+It is imported only when the command is called.
 """
 
 from types import ModuleType

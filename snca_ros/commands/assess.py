@@ -29,10 +29,13 @@ from snca_ros.assessment.trials import (
     means_of_kinds,
     run_trials,
     table,
+    wall_cells,
+    wall_lines,
     write_csv,
 )
 from snca_ros.bundled import find_controller
 from snca_ros.commands.declared_options import add_option
+from snca_ros.commands.json_output import add_json_option
 from snca_ros.commands.worker_options import add_worker_arguments, open_workers
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.tasks import Task
@@ -71,6 +74,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--figure', type=Path, metavar='FILE',
                         help='draw a figure, .png, .svg or .pdf')
     add_worker_arguments(parser)
+    add_json_option(parser)
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
@@ -103,26 +107,41 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         for controller, terrain, start in product(trained, terrains, range(1 + args.starts))
     ]
     with opened as workers:
-        found = run_trials(workers, trials)
+        found, times = run_trials(workers, trials)
     episodes = found.reshape(len(trained), len(terrains), 1 + args.starts)
     scores = np.stack([means_of_kinds(kinds, of_one) for of_one in episodes])
     names = [*kinds, MEAN]
     print(f'{task.label} of episodes of {args.duration:g} s in the {args.engine} engine')
     for name, of_one in zip(args.controllers, scores, strict=True):
         print('\n'.join(['', *table(name, names, of_one, task.quantity)]), flush=True)
-    if args.csv:
-        means = [i for i, name in enumerate(names) if name not in terrains]
-        rows = [*terrains, *(names[i] for i in means)]
-        each = product(args.controllers, rows, [args.engine], range(1 + args.starts))
-        written = np.concatenate([episodes, scores[:, means]], axis=1).ravel().tolist()
-        table_rows = [(*e, v) for e, v in zip(each, written, strict=True)]
-        write_csv(args.csv, (*COLUMNS, task.quantity), table_rows)
+    for line in wall_lines(times, task):
+        print(line)
+    means = [i for i, name in enumerate(names) if name not in terrains]
+    grounds = [*terrains, *(names[i] for i in means)]
+    each = product(args.controllers, grounds, [args.engine], range(1 + args.starts))
+    values = np.concatenate([episodes, scores[:, means]], axis=1).ravel().tolist()
+    met = np.full((len(trained), len(grounds), 1 + args.starts, 2), np.nan)
+    met[:, : len(terrains)] = times.reshape(*episodes.shape, 2)
+    rows = [(*e, *walls, v) for e, walls, v in zip(each, wall_cells(met), values, strict=True)]
+    _write(args, (*COLUMNS, task.quantity), rows, task)
     if args.figure:
         from snca_ros.assessment.figures import draw_scores
         from snca_ros.figures import write_figure
 
         write_figure(draw_scores(args.controllers, names, scores, task), args.figure)
     return 0
+
+
+def _write(
+    args: argparse.Namespace, columns: Sequence[str], rows: Sequence[tuple], task: Task
+) -> None:
+    """Write scores to the files of --csv and --json."""
+    if args.csv:
+        write_csv(args.csv, columns, rows)
+    args.write_json({
+        'quantity': task.quantity, 'unit': task.unit, 'duration': args.duration,
+        'scores': [dict(zip(columns, row, strict=True)) for row in rows],
+    })
 
 
 def _kinds(args: argparse.Namespace) -> dict[str, tuple[str, ...]]:
@@ -159,19 +178,20 @@ def _assess_faults(
     with opened as workers:
         for sweep in sweeps:
             trials = sweep_trials(trained, sweep, terrains, args.engine, n_starts, args.duration)
-            found = run_trials(workers, trials)
+            found, times = run_trials(workers, trials)
             shape = len(trained), len(sweep.values), n_starts, len(terrains)
             scores.append(found.reshape(shape).mean(axis=3))
             lines = fault_sweep.table(args.controllers, sweep, scores[-1])
-            print('\n'.join(lines), end='\n\n', flush=True)
+            print('\n'.join([*lines, *wall_lines(times, task)]), end='\n\n', flush=True)
             points = product(args.controllers, sweep.values)
             at = [point for point in points for _ in range(n_starts * len(terrains))]
             rows += [
-                (name, sweep.text, x, trial.terrain, trial.engine, trial.start, v)
-                for (name, x), trial, v in zip(at, trials, found.tolist(), strict=True)
+                (name, sweep.text, x, trial.terrain, trial.engine, trial.start, *walls, v)
+                for (name, x), trial, walls, v in zip(
+                    at, trials, wall_cells(times), found.tolist(), strict=True
+                )
             ]
-    if args.csv:
-        write_csv(args.csv, (*fault_sweep.COLUMNS, task.quantity), rows)
+    _write(args, (*fault_sweep.COLUMNS, task.quantity), rows, task)
     if args.figure:
         from snca_ros.assessment.figures import draw_sweeps
         from snca_ros.figures import write_figure

@@ -16,7 +16,12 @@ from snca_ros.cell.architecture import ARCHITECTURES, DEFAULT_ARCHITECTURE, Arch
 from snca_ros.cell.models import DEFAULT_NEURON_MODEL, NEURON_MODELS
 from snca_ros.command_line import INTERRUPTED
 from snca_ros.commands.declared_options import add_option
-from snca_ros.commands.worker_options import add_worker_arguments, open_workers
+from snca_ros.commands.json_output import add_json_option
+from snca_ros.commands.worker_options import (
+    add_worker_arguments,
+    check_workers,
+    open_workers,
+)
 from snca_ros.evolution.checkpoint import Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evolve import evolve
@@ -101,6 +106,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--run', type=Path, help=f'run folder (default {RUNS}/<settings>)')
     parser.add_argument('--resume', type=Path, metavar='RUN', help='continue the run in a folder')
     add_worker_arguments(parser)
+    add_json_option(parser)
 
 
 def _given(args: argparse.Namespace, names: tuple[str, ...]) -> dict:
@@ -136,6 +142,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     else:
         config = _new_config(args)
         config.new_strategy()  # raises InvalidInput if it is not installed, before mkdir
+        check_workers(args)
         folder = RunFolder.create(args.run or RUNS / config.name, config)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     print(f'{folder.path}: {_describe(folder.config)}', file=sys.stderr)
@@ -157,13 +164,25 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         return 1
     finally:
         folder.close()
+    args.write_json(_print_result(folder, progress, task))
+    return 0
+
+
+def _print_result(folder: RunFolder, progress: Progress, task: Task) -> dict[str, object]:
+    """Print the scores of the best controller; return them for JSON."""
     _, chosen_by, found = progress.chosen(folder.config)
     scores = ', '.join(f'{task.in_unit(v, 4)} in {engine}' for engine, v in found.items())
+    if progress.wall_time is not None:
+        print(f'the best robot met the wall at the end of the ground at {progress.wall_time:.2f} s')
     print(
         f'{folder.path / "best.npz"}: {task.quantity} {scores}, one episode each '
         f'(chosen by {chosen_by}), {progress.evaluations} evaluations'
     )
-    return 0
+    return {
+        'run': str(folder.path), 'controller': str(folder.path / 'best.npz'),
+        'task': folder.config.task, 'quantity': task.quantity, 'unit': task.unit,
+        'scores': found, 'chosen_by': chosen_by, 'evaluations': progress.evaluations,
+    }
 
 
 def _describe(config: RunConfig) -> str:

@@ -11,6 +11,7 @@ from sim_node.errors import InvalidInput
 from sim_node.model.constants import Checked, constant, declaration, help_of
 from snca_ros.bundled import find_controller
 from snca_ros.commands.declared_options import add_option
+from snca_ros.commands.json_output import add_json_option
 from snca_ros.controller_file import load_controller
 from snca_ros.rendering.encoders import GAP, write_gif, write_mp4, write_strip
 from snca_ros.rendering.film import Film, film_bag, film_offline
@@ -58,6 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_option(parser, RenderOptions, 'width', default=None,
                help=f'{help_of(RenderOptions, "width")[:-1]}, {_WIDTHS[".png"]} for a strip; up to '
                f'{_MOST} for several robots)')
+    add_json_option(parser)
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
@@ -92,9 +94,16 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     except OSError as error:
         shown = f'{args.out}: {error.strerror or error}'
         raise InvalidInput('OUT', shown, 'a file that can be written') from None
-    walked = [f'{film.centers[len(scene) - 1, 0] - film.centers[0, 0]:.1f} m' for film in films]
-    print(f'{args.out}: {len(scene)} pictures, {" and ".join(walked)}, '
-          f'{args.out.stat().st_size / 1e6:.2f} MB')
+    walked = [film.centers[len(scene) - 1, 0] - film.centers[0, 0] for film in films]
+    for walk, film in zip(args.walks, films, strict=True):
+        for text in film.walls.describe():
+            print(f'{walk} {text}')
+    size = args.out.stat().st_size
+    print(f'{args.out}: {len(scene)} pictures, {" and ".join(f"{d:.1f} m" for d in walked)}, '
+          f'{size / 1e6:.2f} MB')
+    args.write_json({'file': str(args.out), 'pictures': len(scene), 'bytes': size, 'walks': [
+        {'name': name, 'distance': d} for name, d in zip(args.walks, walked, strict=True)
+    ]})
     return 0
 
 

@@ -1,14 +1,15 @@
 """The `report` command: a report on the walk in a bag, as text, figure, JSON and page."""
 
 import argparse
-import json
 from dataclasses import asdict
 from pathlib import Path
 
 from sim_node.errors import InvalidInput
 from snca_ros.bundled import find_controller
+from snca_ros.command_line import FormerlyWithValue
+from snca_ros.commands.json_output import add_json_option
 from snca_ros.controller_file import load_controller
-from snca_ros.files import FIGURE, PAGE, check_writable, write_text
+from snca_ros.files import FIGURE, PAGE, check_writable
 from snca_ros.recording.bag import Recording, read_bag
 from snca_ros.recording.energy import count_operations, energy_lines
 from snca_ros.recording.gait import Gait, measure_gait
@@ -18,6 +19,7 @@ from snca_ros.recording.report import as_dict, report_lines
 EXAMPLES = """
   snca report bags/mine
   snca report bags/mine --json walk.json --figure walk.svg
+  snca report bags/mine --json - > walk.json        # text goes to standard error
   snca report bags/mine --html                      # a page that plays the walk
   snca report bags/mine --episode 0                 # of a bag with resets
 """
@@ -29,9 +31,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--figure', type=Path, metavar='FILE',
                         help='figure to draw, .png, .svg or .pdf '
                         f'(default BAG/{FIGURE})')
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the report as JSON, too')
-    parser.add_argument('--html', type=Path, nargs='?', const=True, metavar='FILE',
-                        help=f'write a page that plays the walk (default BAG/{PAGE})')
+    add_json_option(parser)
+    parser.add_argument('--html', action=FormerlyWithValue, own_option='--page',
+                        is_value=lambda text: text.endswith(('.html', '.htm')),
+                        help='write a page that plays the walk')
+    parser.add_argument('--page', type=Path, metavar='FILE',
+                        help=f'file of that page (default BAG/{PAGE}); implies --html')
     parser.add_argument('--controller', metavar='CONTROLLER',
                         help='controller of the walk in the bag, to add the operations of its '
                         'cells to the report, and thresholds to the page')
@@ -45,24 +50,19 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
     if args.figure:
         check_figure(args.figure)
-    if args.json:
-        check_writable('json', args.json)
+    page = args.page or (args.bag / PAGE if args.html else None)
+    if page and args.bag.is_dir():
+        check_writable('page', page)
     recording = read_bag(args.bag, args.episode)
     gait = measure_gait(recording)
-    print_report(recording, gait, args.figure or args.bag / FIGURE)
+    print_report(recording, gait, args.figure)
     report = as_dict(recording, gait)
     if args.controller:
         report['operations'] = _print_operations(recording, gait, args.controller)
-    if args.json:
-        try:
-            write_text(args.json, json.dumps(report, indent=2) + '\n')
-        except OSError as error:
-            shown = f'{args.json}: {error.strerror}'
-            raise InvalidInput('json', shown, 'a file that can be written') from None
-    if args.html:
+    args.write_json(report)
+    if page:
         from snca_ros.commands.replay import write_bag_page
 
-        page = args.bag / PAGE if args.html is True else args.html
         write_bag_page(page, recording, args.controller)
     return 0
 
@@ -79,11 +79,27 @@ def _print_operations(recording: Recording, gait: Gait, controller: str) -> dict
     return asdict(operations)
 
 
-def print_report(recording: Recording, gait: Gait, figure: Path) -> None:
-    """Print the report on a recording, and draw its figure into the file `figure`."""
+def print_report(recording: Recording, gait: Gait, figure: Path | None = None) -> None:
+    """Print the report on a recording, and draw its figure.
+
+    Args:
+        recording: the recording.
+        gait: its gait.
+        figure: file of the figure; None for one in the bag, or none if the bag is read-only.
+
+    Raises:
+        InvalidInput: `figure` cannot be written.
+    """
     from snca_ros.figures import write_figure
     from snca_ros.recording.figures import draw_recording
 
     print('\n'.join(report_lines(recording, gait)), flush=True)
-    write_figure(draw_recording(recording), figure)
-    print(f'\nfigure: {figure}')
+    path = figure or recording.path / FIGURE
+    try:
+        write_figure(draw_recording(recording), path)
+    except InvalidInput as error:
+        if figure:
+            raise
+        print(f'\nno figure, the bag cannot be written; name a file by --figure ({error})')
+        return
+    print(f'\nfigure: {path}')

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from sim_node.errors import InvalidInput
+from snca_ros.commands.json_output import add_json_option
 from snca_ros.comparison.study import Study
 from snca_ros.files import write_text
 
@@ -29,6 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         f'(default RESULTS/{FOLDER})')
     parser.add_argument('--text', action='store_true',
                         help='print a summary in Markdown and write no files')
+    add_json_option(parser)
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
@@ -36,6 +38,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if args.text and args.output:
         parser.error('--text writes no files; drop --output')
     study = Study(args.results, args.campaign)
+    args.write_json(study.as_dict())
     if args.text:
         print(study.summary(), flush=True)
         return 0

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from sim_node.errors import InvalidInput
 from sim_node.ros import security
+from sim_node.ros.domain import check_domain
 from snca_ros.bundled import find_controller
 from snca_ros.commands.declared_options import add_option
 from snca_ros.controller_file import load_controller
@@ -38,6 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Run voxels for one walk, until its simulation has ended; return the exit code."""
+    check_domain()
     security.check_middleware()
     path = find_controller(args.controller)
     options = WalkOptions(

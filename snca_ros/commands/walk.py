@@ -1,6 +1,7 @@
 """(ROS) The `walk` command: starts a robot's nodes, supervises and stops them, and reports."""
 
 import argparse
+import re
 import signal
 import sys
 import tempfile
@@ -12,18 +13,22 @@ from pathlib import Path
 
 import numpy as np
 
+from sim_node.control_time import CONTROL_RATE
 from sim_node.errors import InvalidInput
+from sim_node.model.constants import help_of
 from sim_node.model.morphology import parse_morphology
 from sim_node.ros import security
+from sim_node.ros.domain import check_domain
 from sim_node.ros.sim_interface import BodyOptions
 from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
-from snca_ros.command_line import INTERRUPTED, exiting_at_interrupt
+from snca_ros.command_line import FormerlyWithValue
 from snca_ros.commands.declared_options import add_option
+from snca_ros.commands.json_output import add_json_option
 from snca_ros.commands.report import print_report
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.episode import run_episode
 from snca_ros.faults import FAULTS_HELP, Faults, parse_faults
-from snca_ros.files import FIGURE
+from snca_ros.files import BAGS
 from snca_ros.firmware.boards import BOARDS
 from snca_ros.firmware.build import build_devices, parse_boards, parse_devices
 from snca_ros.firmware.lines import EXPECTED
@@ -32,10 +37,12 @@ from snca_ros.graph.live_view import LiveView
 from snca_ros.graph.lookout import Lookout
 from snca_ros.graph.processes import RunningGraph
 from snca_ros.graph.supervisor import supervise_walk
+from snca_ros.interrupts import INTERRUPTED, exiting_at_interrupt
 from snca_ros.nodes.interfaces import ViewOptions
 from snca_ros.recording.bag import read_bag
 from snca_ros.recording.gait import measure_gait
 from snca_ros.recording.offline import compare_with_twin
+from snca_ros.recording.report import as_dict
 from snca_ros.web.server import check_port
 
 EXAMPLES = """
@@ -55,9 +62,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='controller file, or the name of a bundled one '
                         f'(default {DEFAULT_CONTROLLER})')
     add_option(parser, WalkOptions, 'duration')
-    add_option(parser, WalkOptions, 'real_time_factor', '--real-time', dest='real_time', nargs='?',
-               const=1.0, metavar='FACTOR', help='run in real time, or FACTOR times as fast, and '
-               'do not wait for voxels (default: lock-step, as fast as possible)')
+    parser.add_argument('--real-time', action=FormerlyWithValue, own_option='--real-time-factor',
+                        is_value=_is_number, help='run in real time and do not wait for voxels '
+                        '(default: lock-step, as fast as possible)')
+    add_option(parser, WalkOptions, 'real_time_factor', default=None, metavar='FACTOR')
     parser.add_argument('--respawn', action='store_true',
                         help='restart voxels that were killed')
     parser.add_argument('--terrain', default='', help='terrain (default: that of its evolution)')
@@ -76,16 +84,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--only', default='', metavar='VOXELS',
                         help='voxels to run, if `snca voxels` runs the others elsewhere: '
                         'K/N, the Kth of N shares, or voxel_0_0,voxel_1_0,..., or none')
-    add_option(parser, ViewOptions, 'view', nargs='?', const=ViewOptions.view, default=None,
-               metavar='PORT')
+    parser.add_argument('--view', action=FormerlyWithValue, own_option='--port',
+                        is_value=_is_number, help='show the walk live on a web page of this '
+                        'machine, in real time unless --real-time-factor is given')
+    add_option(parser, ViewOptions, 'port', default=None, metavar='PORT',
+               help=f'{help_of(ViewOptions, "port")}; implies --view')
     record = parser.add_mutually_exclusive_group()
-    record.add_argument('--bag', type=Path, help='bag to write (default bags/<robot>-<time>)')
+    record.add_argument('--bag', type=Path, help=f'bag to write (default {BAGS}/<robot>-<time>)')
     record.add_argument('--no-bag', action='store_true', help='record nothing')
     add_option(parser, WalkOptions, 'storage')
+    add_json_option(parser)
 
 
 def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Run a walk and report on it; return the exit code."""
+    check_domain()
     security.check_middleware()
     path = find_controller(args.controller)
     trained = load_controller(path).in_arithmetic(args.arithmetic)
@@ -107,20 +120,23 @@ def _devices(
 def _run(
     args: argparse.Namespace, path: Path, trained: TrainedController, devices: dict[str, str]
 ) -> int:
-    if args.duration == 0.0:
-        raise InvalidInput('--duration', args.duration, 'a time above 0 [s]')
-    if args.view is not None:
-        check_port(args.view)
-        args.real_time = args.real_time or 1.0
+    if args.json and args.no_bag:
+        raise InvalidInput('--json', args.json, 'a walk with a bag, whose report it is')
+    if args.duration < 1 / CONTROL_RATE:
+        raise InvalidInput('--duration', args.duration, 'at least one control step, 1/60 s')
+    port = ViewOptions.port if args.view and args.port is None else args.port
+    if port is not None:
+        check_port(port)
+    factor = args.real_time_factor or float(args.real_time or port is not None)
     _check_shape(path, trained, args.shape)
     robot = args.robot or robot_name(trained.morphology)
-    bag = args.bag or Path('bags') / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'
+    bag = args.bag or BAGS / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'
     engine = args.engine
     faults = parse_faults(args.faults)
     options = WalkOptions(
-        robot, args.terrain, engine, args.duration, args.real_time, args.voxels_per_process,
+        robot, args.terrain, engine, args.duration, factor, args.voxels_per_process,
         only=args.only, bag='' if args.no_bag else str(bag), storage=args.storage, faults=faults,
-        simulation={} if args.view is None else {'recorders': 2 - args.no_bag},
+        simulation={} if port is None else {'recorders': 2 - args.no_bag},
         arithmetic=args.arithmetic, devices=devices,
     )
     graph = describe_graph(path, trained, options)
@@ -132,17 +148,23 @@ def _run(
         )
         lookout.check()
     open_view = None
-    if args.view is not None:
-        open_view = partial(LiveView, args.view, trained, args.terrain or trained.terrain)
+    if port is not None:
+        open_view = partial(LiveView, port, trained, args.terrain or trained.terrain)
     code = _walk(graph, options, args.respawn, open_view)
     if code or args.no_bag:
         return code
     recording = read_bag(bag)
-    print_report(recording, measure_gait(recording), bag / FIGURE)
-    may_differ = args.respawn or args.real_time > 0.0
+    gait = measure_gait(recording)
+    print_report(recording, gait)
+    may_differ = args.respawn or factor > 0.0
     text, as_expected = compare_with_twin(recording.centers, offline, may_differ)
     print(text)
+    args.write_json({**as_dict(recording, gait), 'offline_twin': text, 'as_expected': as_expected})
     return 0 if as_expected else 1
+
+
+def _is_number(text: str) -> bool:
+    return re.fullmatch(r'\d*\.?\d+', text, re.ASCII) is not None
 
 
 def _check_shape(path: Path, trained: TrainedController, shape: str | None) -> None:

@@ -29,6 +29,7 @@ from snca_ros.comparison.runs import (
 )
 from snca_ros.comparison.style import INK, STYLE, new_panel, svg_text
 from snca_ros.comparison.tables import FAST_PEAK, VIBRATING_SHARE, format_p
+from snca_ros.figures import own_style
 from snca_ros.recording.gait import VIBRATION
 
 _BOXES = {END: (-0.2, 0.9), UNSEEN: (0.2, 0.4)}  # measure: offset and opacity
@@ -54,7 +55,7 @@ def draw_all(cases: Cases, shown: Sequence[Contrast]) -> list[tuple[str, str, st
     found = speeds[np.isfinite(speeds)]
     lowest, highest = found.min(initial=0.0), found.max(initial=0.0) or 1.0
     figures: list[tuple[str, str, Figure]] = []
-    with mpl.rc_context(STYLE):
+    with own_style(STYLE):
         for shape, of_shape in cases.items():
             of_it = [contrast for contrast in shown if contrast.shape == shape]
             figures += [

@@ -76,13 +76,17 @@ def shown_contrasts(found: list[Contrast]) -> list[Contrast]:
 def contrasts_csv(found: list[Contrast]) -> str:
     """Return the text of statistics.csv, one row per contrast."""
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator='\n')
-    writer.writerow(COLUMNS)
-    for contrast in found:
-        result = contrast.result
-        writer.writerow([
-            contrast.shape, contrast.measure, contrast.first, contrast.second,
-            *map(len, contrast.groups), *contrast.medians, result.u, result.p, contrast.p_holm,
-            result.a, result.a_low, result.a_high,
-        ])
+    csv.writer(text, lineterminator='\n').writerows([COLUMNS, *contrasts_rows(found)])
     return text.getvalue()
+
+
+def contrasts_rows(found: list[Contrast]) -> list[tuple]:
+    """Return a row of values of `COLUMNS` per contrast."""
+    return [
+        (
+            contrast.shape, contrast.measure, str(contrast.first), str(contrast.second),
+            *map(len, contrast.groups), *contrast.medians, contrast.result.u, contrast.result.p,
+            contrast.p_holm, contrast.result.a, contrast.result.a_low, contrast.result.a_high,
+        )
+        for contrast in found
+    ]

@@ -3,7 +3,13 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from snca_ros.comparison.pairwise import contrasts, contrasts_csv, shown_contrasts
+from snca_ros.comparison.pairwise import (
+    COLUMNS,
+    contrasts,
+    contrasts_csv,
+    contrasts_rows,
+    shown_contrasts,
+)
 from snca_ros.comparison.runs import missing_runs, read_cases, warnings
 from snca_ros.comparison.tables import (
     Table,
@@ -60,6 +66,18 @@ class Study:
             **{f'{kind}-{shape}.svg': svg for kind, shape, svg in figures},
             'statistics.csv': contrasts_csv(self._contrasts),
             'index.html': page(self._cases, self.missing, self.warnings, tables, figures),
+        }
+
+    def as_dict(self) -> dict[str, object]:
+        """Return comparisons, tables, warnings and missing runs as a dictionary for JSON."""
+        rows = contrasts_rows(self._contrasts)
+        return {
+            'comparisons': [dict(zip(COLUMNS, row, strict=True)) for row in rows],
+            'tables': {
+                table.title: [dict(zip(table.header, row, strict=True)) for row in table.rows]
+                for table in self._tables
+            },
+            'warnings': self.warnings, 'missing': self.missing,
         }
 
     def _with(self, table: Table) -> list[Table]:

@@ -5,8 +5,10 @@ history.csv and best.npz are derived from it. So a run that is killed at any mom
 same result as if it had not been stopped.
 """
 
+import contextlib
 import csv
 import io
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -15,13 +17,21 @@ import numpy as np
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import parse_morphology
 from snca_ros.controller_file import TrainedController, load_controller, save_controller
+from snca_ros.evolution.checkpoint_arrays import HISTORY, check_arrays
 from snca_ros.evolution.config import RunConfig
-from snca_ros.evolution.strategies import STRATEGIES
-from snca_ros.files import LOCK, hold_folder, write_atomically, write_text
+from snca_ros.files import (
+    LOCK,
+    hold_folder,
+    is_temporary,
+    reason_of,
+    remove_stale,
+    write_atomically,
+    write_text,
+)
+from snca_ros.yaml_file import parse_yaml
 
-HISTORY = ('generation', 'evaluations', 'best', 'median', 'worst', 'best_so_far')
-"""Columns of history.csv; best, median and worst are scores of the generation's evaluations, in
-the unit of the run's task."""
+FILES = 'config.yaml', 'checkpoint.npz', 'history.csv', 'best.npz', 'robust.npz'
+"""Names of the files of a run folder; a campaign writes the last one."""
 
 
 def _unwritable(path: Path, error: OSError) -> InvalidInput:
@@ -29,8 +39,16 @@ def _unwritable(path: Path, error: OSError) -> InvalidInput:
     return InvalidInput('run', reason, 'a folder that can be written', str(path))
 
 
-_OPTIONAL = 'reassessed', 'other_engine', 'population', 'population_fitness'
-"""Entries that are missing in checkpoints of some versions; they may be empty."""
+@contextlib.contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Turn errors of the block, which reads a checkpoint, into InvalidInput that names it."""
+    try:
+        yield
+    except InvalidInput as error:
+        raise error.found_in(str(path)) from None
+    except Exception as error:
+        expected = 'a checkpoint written by evolve'
+        raise InvalidInput('file', reason_of(error), expected, str(path)) from None
 
 
 def _holds(path: Path, trained: TrainedController) -> bool:
@@ -55,6 +73,8 @@ class Progress:
             generation, if the budget has cut the last generation short; else None.
         score_other: score of the best individual in the other engine (see `RunConfig`); NaN if that
             engine cannot run it, None before the end of the run.
+        wall_time: time [s] at which the best individual met the wall at the end of the ground in
+            the episode of its score; None if it did not.
         by_old_rules: whether an earlier version finished the run: it stored no `whole` population,
             and in batched runs it chose among the best quarter by `reassessed`.
         reassessed: v_x [m/s] of that quarter in the pymunk engine, in the order of their fitness;
@@ -65,6 +85,7 @@ class Progress:
     history: list[tuple[float, ...]] = field(default_factory=list)
     whole: tuple[np.ndarray, np.ndarray] | None = None
     score_other: float | None = None
+    wall_time: float | None = None
     by_old_rules: bool = False
     reassessed: np.ndarray = field(default_factory=lambda: np.empty(0))
 
@@ -110,6 +131,7 @@ class RunFolder:
         self.path, self.config = path, config
         try:
             self._lock = hold_folder(path, 'run', wait)
+            remove_stale(path, FILES)
         except OSError as error:
             raise _unwritable(path, error) from None
 
@@ -119,7 +141,7 @@ class RunFolder:
         try:
             path.mkdir(parents=True, exist_ok=True)
             # A run that was killed before it wrote config.yaml leaves only these files.
-            if any(p.name != LOCK and not p.match('.config.yaml.*.tmp') for p in path.iterdir()):
+            if any(p.name != LOCK and not is_temporary(p) for p in path.iterdir()):
                 expected = 'a new or empty folder (use --resume to continue the run in it)'
                 raise InvalidInput('run', 'files in it', expected, str(path))
             folder = cls(path, config, wait)
@@ -158,73 +180,49 @@ class RunFolder:
         path = self.path / 'checkpoint.npz'
         if not path.exists():
             return Progress()
-        try:
+        with _naming(path):
             with np.load(path, allow_pickle=False) as data:
                 arrays = {name: data[name] for name in data.files}
+            began = self._config_in(arrays)
+        self._check_unchanged(began)
+        with _naming(path):
             old = 'other_engine' not in arrays
-            self._check(arrays)
+            check_arrays(arrays, self.config)
             progress = self._progress(arrays, old)
-        except InvalidInput as error:
-            raise error.found_in(str(path)) from None
-        except Exception as error:
-            expected = 'a checkpoint written by evolve'
-            raise InvalidInput('file', str(error), expected, str(path)) from None
         self._write_derived(progress, only_if_changed=True)
         return progress
 
+    def _config_in(self, arrays: dict[str, np.ndarray]) -> RunConfig:
+        """Return the configuration in a checkpoint; those of earlier versions have none."""
+        if 'config' not in arrays:
+            return self.config
+        return RunConfig.from_dict(parse_yaml(str(arrays.pop('config'))))
+
+    def _check_unchanged(self, began: RunConfig) -> None:
+        """Check that config.yaml is what it was when the run began."""
+        for name in vars(began):
+            now, then = getattr(self.config, name), getattr(began, name)
+            if now != then:
+                expected = f'{then!r}, with which the run began'
+                raise InvalidInput(name, now, expected, str(self.path / 'config.yaml'))
+
     def _progress(self, arrays: dict[str, np.ndarray], old: bool) -> Progress:
         """Return the progress from the checked arrays of a checkpoint."""
-        rows, reassessed, other, *whole = (arrays.pop(name) for name in (
-            'history', 'reassessed', 'other_engine', 'population', 'population_fitness'
+        rows, reassessed, other, wall, *whole = (arrays.pop(name) for name in (
+            'history', 'reassessed', 'other_engine', 'wall_time', 'population',
+            'population_fitness',
         ))
         progress = Progress(
             arrays, [tuple(row) for row in rows.tolist()],
             whole=(whole[0], whole[1]) if len(whole[0]) else None,
             score_other=float(other[0]) if len(other) else None,
+            wall_time=float(wall[0]) if len(wall) else None,
             reassessed=reassessed,
         )
         return replace(progress, by_old_rules=old and self._spent(progress))
 
     def _spent(self, progress: Progress) -> bool:
         return progress.evaluations >= self.config.evaluations
-
-    def _check(self, arrays: dict[str, np.ndarray]) -> None:
-        config = self.config
-        for name in _OPTIONAL:
-            width = (config.n_parameters,) if name == 'population' else ()
-            arrays.setdefault(name, np.empty((0, *width)))
-        n = min(len(arrays.get('individuals', ())), config.population)
-        whole = config.population if len(arrays['population']) else 0
-        expected: dict[str, tuple[int, ...]] = {
-            'individuals': (n, config.n_parameters),
-            'fitness': (n,),
-            'history': (int(arrays.get('generation', np.array(0)).flat[0]), len(HISTORY)),
-            'generation': (),
-            'reassessed': (min(len(arrays['reassessed']), config.n_elite),),
-            'other_engine': (min(len(arrays['other_engine']), 1),),
-            'population': (whole, config.n_parameters),
-            'population_fitness': (whole,),
-        }
-        expected |= STRATEGIES[config.strategy].own_state(
-            config.n_parameters, config.population, expected['history'][0]
-        )
-        if arrays.keys() != expected.keys():
-            raise InvalidInput('entries', sorted(arrays), ', '.join(sorted(expected)))
-        for name, shape in expected.items():
-            array, kind = arrays[name], 'i' if name == 'generation' else 'f'
-            missing = 0 in shape and name not in _OPTIONAL
-            if array.shape != shape or array.dtype.kind != kind or missing:
-                shown = f'{array.dtype} of shape {array.shape}'
-                raise InvalidInput(name, shown, f'numbers of shape {shape}, none of them 0')
-        for name, of_it in (('individuals', 'fitness'), ('population', 'population_fitness')):
-            fitness = arrays[of_it]
-            if not np.isfinite(arrays[name]).all():
-                raise InvalidInput(name, 'not finite', 'finite numbers')
-            if not (fitness[:-1] >= fitness[1:]).all() or np.isnan(fitness).any():
-                raise InvalidInput(of_it, fitness.tolist(), 'numbers, the best first')
-        spent = arrays['history'][:, 1]
-        if not (np.diff(spent, prepend=0) > 0).all() or not spent[-1] <= config.evaluations:
-            raise InvalidInput('history', spent.tolist(), f'up to {config.evaluations} evaluations')
 
     def save(self, progress: Progress) -> None:
         """Write checkpoint.npz, then history.csv and best.npz."""
@@ -235,7 +233,10 @@ class RunFolder:
             'history': np.array(progress.history),
             'population': whole[0], 'population_fitness': whole[1],
             'other_engine': np.array([] if other is None else [other]),
+            'config': np.array(self.config.to_yaml()),
         }
+        if progress.wall_time is not None:
+            arrays['wall_time'] = np.array([progress.wall_time])
         write_atomically(
             self.path / 'checkpoint.npz',
             lambda file: np.savez(file, **arrays),  # type: ignore[arg-type]
@@ -277,6 +278,7 @@ class RunFolder:
             chosen_by=chosen_by,
             task=config.task,
             scores=scores,
+            wall_time=progress.wall_time,
         )
 
     def close(self) -> None:

@@ -5,10 +5,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from sim_node.control_time import steps_in
 from sim_node.engine import DEFAULT_ENGINE, ENGINES, check_engine
 from sim_node.errors import InvalidInput, check_keys
+from sim_node.model.body_file import check_size
 from sim_node.model.constants import check_declared, choice, constant, text_value
 from sim_node.model.material import Material
 from sim_node.model.morphology import DEFAULT_SHAPE, parse_morphology
@@ -23,7 +23,14 @@ from snca_ros.cell.models.arithmetic import DEFAULT_ARITHMETIC
 from snca_ros.evolution.episode import EPISODE, LONGEST, TRANSIENT
 from snca_ros.evolution.strategies import DEFAULT_STRATEGY, STRATEGIES, Strategy
 from snca_ros.evolution.tasks import DEFAULT_TASK, TASKS, check_task
-from snca_ros.files import read_yaml
+from snca_ros.files import short_name
+from snca_ros.yaml_file import read_yaml, yaml_text
+
+_LONGEST_NAME = 180  # bytes; names of files add an ending to it, and may have 255
+
+_LATER = ('task',)
+"""Keys that the config.yaml of an earlier version may lack. They are first in the file, so that one
+that was cut lacks a key that none may lack."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +52,9 @@ class RunConfig:
     architecture: Architecture
     terrain: str = text_value(DEFAULT_TERRAIN, 'ground', TERRAIN_FORM)
     evaluations: int = constant(30_000, 1, 10**9, 'total number of episodes')
-    seed: int = constant(0, 0, 2**63 - 1, 'seed of all random numbers')
+    seed: int = constant(0, 0, 2**32 - 1, 'seed of all random numbers')
     population: int = constant(36, 4, 100_000, 'individuals per generation')
-    sigma: float = constant(0.35, 0.0, 100.0, 'standard deviation of the offspring')
+    sigma: float = constant(0.35, 1e-6, 100.0, 'standard deviation of the offspring')
     duration: float = constant(EPISODE, 0.1, LONGEST, 'duration of an episode', 's')
     transient: float = constant(
         TRANSIENT, 0.0, LONGEST, 'time at the start of an episode that is not scored', 's'
@@ -62,11 +69,12 @@ class RunConfig:
         parse_morphology(self.shape)
         parse_terrain(self.terrain)
         check_declared(self)
-        if self.transient > self.duration:
-            expected = f'a number from 0 to {self.duration:g} [s], the duration'
+        if steps_in(self.transient) >= steps_in(self.duration):
+            expected = f'a time below the duration of an episode, {self.duration:g} s'
             raise InvalidInput('transient', self.transient, expected)
         check_engine(self.engine, self.solver)
         check_task(self.task)
+        check_size(self.n_parameters)
 
     def simulation(self, push: int = 0) -> Simulation:
         """Return the simulation of an episode; `push` is 0 or the seed of a pushed start."""
@@ -87,7 +95,8 @@ class RunConfig:
         """Return the name of the run, which consists of its settings.
 
         It omits material, sub-steps and iterations, and most settings with default values. The
-        first runs were made before there was a choice of physics, so their names have none.
+        first runs were made before there was a choice of physics, so their names have none. A name
+        that is too long for files ends with a digest, see `short_name`.
         """
         cell = self.architecture
         usual = Architecture(
@@ -117,7 +126,7 @@ class RunConfig:
             value = getattr(self, key)
             if value != type(self).__dataclass_fields__[key].default:
                 parts.append(f'{key}{value:.15g}')
-        return '-'.join([*parts, f'seed{self.seed}'])
+        return short_name('-'.join([*parts, f'seed{self.seed}']), _LONGEST_NAME)
 
     @property
     def n_parameters(self) -> int:
@@ -137,7 +146,8 @@ class RunConfig:
     def to_yaml(self) -> str:
         """Return the text of config.yaml."""
         values = {**asdict(self), 'architecture': self.architecture.to_dict()}
-        return yaml.safe_dump(values, sort_keys=False)
+        later = {key: values.pop(key) for key in _LATER}
+        return yaml_text({**later, **values})
 
     @classmethod
     def named(
@@ -181,16 +191,17 @@ class RunConfig:
         """Return the configuration in a parsed config.yaml."""
         if not isinstance(values, dict):
             raise InvalidInput('config', values, 'keys and values')
-        check_keys('key', values, list(cls.__dataclass_fields__))
-        for key in ('shape', 'architecture'):
-            if key not in values:
+        keys = list(cls.__dataclass_fields__)
+        check_keys('key', values, keys)
+        for key in keys:
+            if key not in values and key not in _LATER:
                 raise InvalidInput(key, None, 'a value')
         for key in ('architecture', 'material', 'solver'):
-            if not isinstance(values.get(key, {}), dict):
+            if not isinstance(values[key], dict):
                 raise InvalidInput(key, values[key], 'keys and values')
         parts = {
             'architecture': Architecture.from_dict(values['architecture']),
-            'material': Material.from_dict(values.get('material', {})),
-            'solver': Solver.from_dict(values.get('solver', {})),
+            'material': Material.from_dict(values['material']),
+            'solver': Solver.from_dict(values['solver']),
         }
         return cls(**{**values, **parts})

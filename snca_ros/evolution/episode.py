@@ -5,9 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_node.control_time import CONTROL_RATE
+from sim_node.control_time import steps_in
 from sim_node.engine import Engine
 from sim_node.errors import check_name
+from sim_node.model.meetings import note_meetings
 from sim_node.model.sensors import center_of_mass
 from sim_node.munk2d.engine import PymunkEngine, move_disturbed
 from sim_node.numerics.jit import compiled
@@ -50,13 +51,17 @@ def record(records, k):
 
 
 @compiled
-def _walk(world, robot, cells, neighbors, n_steps, disturbance, faults, centers, records):
+def _walk(
+    world, robot, cells, neighbors, n_steps, disturbance, faults, centers, records, feet_of_walls,
+    meetings,
+):
     """Run an episode and return the number of steps before the physics diverged.
 
     If `faults` or `records` is None, their code is not compiled.
 
     Args:
         centers: (n_steps + 1, 2) centres of mass [m], written.
+        feet_of_walls, meetings: see `note_meetings`.
         The other arguments are the parts of a simulation and a controller.
     """
     actuation = np.zeros(neighbors.shape[0])
@@ -69,6 +74,7 @@ def _walk(world, robot, cells, neighbors, n_steps, disturbance, faults, centers,
         if not move_disturbed(world, robot, actuation, k + 1, disturbance, k):
             return k
         centers[k + 1] = center_of_mass(world.masses)
+        note_meetings(world.corners.reshape(-1, 2, 1), feet_of_walls, k + 1, meetings)
         if records is not None:
             record(records, k)
     return n_steps
@@ -94,7 +100,7 @@ def run_episode(
     for name in records:
         check_name('records', name, RECORDS)
     run = EPISODE_RUNNERS.get(type(simulation.backend), run_step_by_step)
-    return run(simulation, controller, round(duration * CONTROL_RATE), records)
+    return run(simulation, controller, steps_in(duration), records)
 
 
 def run_step_by_step(
@@ -117,7 +123,7 @@ def run_step_by_step(
             array[k] = getattr(simulation.world, name)
     done = len(centers) - 1
     kept = {name: array[:done] for name, array in rows.items()}
-    return Episode(np.array(centers), diverged, records=kept)
+    return Episode(np.array(centers), diverged, records=kept, walls=simulation.walls)
 
 
 def run_compiled(
@@ -138,11 +144,13 @@ def run_compiled(
         controller.fault_tables(n_steps),
         centers,
         recorded,
+        simulation.feet_of_walls,
+        simulation.meetings,
     )
     simulation.step_count = controller.step_count = done
     rows = recorded.rows[:, :done] if recorded else ()
     kept = dict(zip(records, rows, strict=True))
-    return Episode(centers[: done + 1], done < n_steps, records=kept)
+    return Episode(centers[: done + 1], done < n_steps, records=kept, walls=simulation.walls)
 
 
 EPISODE_RUNNERS: dict[

@@ -3,7 +3,8 @@
 import numpy as np
 
 from sim_node.batched.engine import Robots, advance_group
-from sim_node.control_time import CONTROL_RATE
+from sim_node.control_time import steps_in
+from sim_node.model.meetings import note_meetings, table_of_meetings, walls_of
 from sim_node.model.morphology import Morphology, parse_morphology
 from sim_node.model.terrain import parse_terrain
 from sim_node.numerics.jit import compiled
@@ -15,7 +16,7 @@ from snca_ros.evolution.tasks import check_task
 
 
 @compiled
-def _walk(group, sensing, cells, centers, done, records):
+def _walk(group, sensing, cells, centers, done, records, corners, feet_of_walls, meetings):
     """Run episodes of W robots.
 
     If `records` is None, its code is not compiled.
@@ -23,6 +24,7 @@ def _walk(group, sensing, cells, centers, done, records):
     Args:
         centers: (n_steps + 1, 2, W) centres of mass [m], written.
         done: (W,) number of steps before the physics diverged, written; 0 on entry.
+        corners, feet_of_walls, meetings: see `note_meetings`.
         The other arguments are the parts of robots and cells.
     """
     _write_centers(group.mass_lanes, centers[0])
@@ -30,6 +32,7 @@ def _walk(group, sensing, cells, centers, done, records):
         step_group(cells, sensing.readings, k, group.actuation)
         advance_group(group, sensing, k + 1)
         _write_centers(group.mass_lanes, centers[k + 1])
+        note_meetings(corners, feet_of_walls, k + 1, meetings)
         if records is not None:
             record(records, k)
         for lane in range(done.shape[0]):
@@ -73,19 +76,23 @@ def run_episodes(
         One episode per controller, which does not depend, to the bit, on the other controllers.
     """
     width = robots.sensing.reading_lanes.shape[2]
-    n_steps = round(duration * CONTROL_RATE)
+    n_steps = steps_in(duration)
     cells = make_cells(architecture, morphology, candidates, width)
     centers = np.empty((n_steps + 1, 2, width))
     done = np.zeros(width, dtype=np.int64)
     robots.reset(push)
     lanes = (getattr(robots.group, name)['lane'][:, 0] for name in records)
     recorded = Records.of(lanes, n_steps)
-    _walk(robots.group, robots.sensing, cells, centers, done, recorded)
+    meetings = table_of_meetings(width)
+    _walk(
+        robots.group, robots.sensing, cells, centers, done, recorded,
+        robots.group.corners['lane'], robots.feet_of_walls, meetings,
+    )
     robots.step_count = n_steps
     rows = recorded.rows if recorded else ()
     return [
         Episode(
-            centers[: n + 1, :, lane], diverged=n < n_steps,
+            centers[: n + 1, :, lane], diverged=n < n_steps, walls=walls_of(meetings[:, lane], n),
             records={name: of_it[:n, :, lane] for name, of_it in zip(records, rows, strict=True)},
         )
         for lane, n in enumerate(done[: len(candidates)].tolist())

@@ -15,7 +15,7 @@ from snca_ros.controller import Controller
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.episode import Episode, run_episode
 from snca_ros.evolution.episode_lanes import SideBySide
-from snca_ros.evolution.tasks import check_task, score_of
+from snca_ros.evolution.tasks import Scored, check_task, score_of
 from snca_ros.evolution.workers import Workers
 
 
@@ -78,7 +78,7 @@ class Evaluator:
         self._lanes, self._run = engine.lanes, GROUP_RUNNERS.get(engine, OneByOne)(config)
         self._ready: set[int] = set()
 
-    def __call__(self, candidates: np.ndarray, push: int = 0) -> list[float]:
+    def __call__(self, candidates: np.ndarray, push: int = 0) -> list[Scored]:
         """Return the score of each of (n, n_parameters) candidates; -inf if it diverged.
 
         Args:
@@ -102,10 +102,10 @@ def group_width(lanes: Sequence[int], n: int) -> int:
 
 def evaluate(
     workers: Workers, config: RunConfig, candidates: np.ndarray, push: int = 0
-) -> Iterator[float]:
-    """Yield the fitness of each of (n, n_parameters) candidates, in their order.
+) -> Iterator[Scored]:
+    """Yield the score of each of (n, n_parameters) candidates, in their order.
 
-    The fitness does not depend on the workers or their number.
+    The scores do not depend on the workers or their number.
 
     Args:
         workers: workers that evaluate.
@@ -121,8 +121,8 @@ def evaluate(
         yield from future.result()
 
 
-def score(config: RunConfig, candidates: np.ndarray, push: int = 0) -> list[float]:
-    """Return the fitness of each of a group of candidates; see `Evaluator`."""
+def score(config: RunConfig, candidates: np.ndarray, push: int = 0) -> list[Scored]:
+    """Return the score of each of a group of candidates; see `Evaluator`."""
     return _evaluator(config, threading.get_ident())(candidates, push)
 
 

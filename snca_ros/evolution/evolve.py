@@ -1,7 +1,7 @@
 """The evolution loop, which trains the parameters that the voxel nodes load."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -13,6 +13,7 @@ from snca_ros.evolution.checkpoint import Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evaluator import evaluate
 from snca_ros.evolution.strategies import Strategy
+from snca_ros.evolution.tasks import Scored
 from snca_ros.evolution.workers import Workers
 
 
@@ -47,7 +48,7 @@ def _score_in_other_engine(config: RunConfig, best: np.ndarray, workers: Workers
         check_engine(config.other_engine, config.solver)
     except InvalidInput:
         return math.nan
-    return next(evaluate(workers, replace(config, engine=config.other_engine), best))
+    return next(evaluate(workers, replace(config, engine=config.other_engine), best)).score
 
 
 def _run_generations(
@@ -65,18 +66,27 @@ def _run_generations(
             asked = strategy.ask()
             candidates = asked[: config.evaluations - progress.evaluations]
             is_cut = len(candidates) < len(asked)
-            fitness = np.array(list(evaluate(workers, config, candidates)))
+            scored = list(evaluate(workers, config, candidates))
+            fitness = np.array([one.score for one in scored])
             strategy.tell(candidates, fitness)
             progress = Progress(
                 strategy.state(),
                 [*progress.history, _history_row(progress, fitness, strategy)],
                 whole=progress.population if is_cut and progress.history else None,
+                wall_time=_wall_time(progress, scored),
             )
             saved.result()
             saved = saver.submit(folder.save, progress)
             report(progress)
         saved.result()
     return progress
+
+
+def _wall_time(before: Progress, scored: Sequence[Scored]) -> float | None:
+    """Return when the best individual so far met the wall at the end of the ground [s]."""
+    best = max(scored, key=lambda one: one.score)
+    is_better = not before.history or best.score > before.history[-1][-1]
+    return best.walls.times[1] if is_better else before.wall_time
 
 
 def _history_row(

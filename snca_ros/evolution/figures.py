@@ -5,9 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from snca_ros.figures import legend_above
+from snca_ros.figures import as_label, legend_above, own_style
 
 
+@own_style()
 def draw_histories(
     names: Sequence[str], tables: Sequence[np.ndarray], label: str
 ) -> Figure:
@@ -27,7 +28,10 @@ def draw_histories(
         color = f'C{i % 10}'
         axes.fill_between(evaluations, worst, best, color=color, alpha=0.12, linewidth=0)
         axes.plot(evaluations, median, color=color, linewidth=0.8)
-        axes.step(evaluations, best_so_far, where='post', color=color, linewidth=1.8, label=name)
+        axes.step(
+            evaluations, best_so_far, where='post', color=color, linewidth=1.8,
+            label=as_label(name),
+        )
     axes.set(xlabel='evaluations', ylabel=label)
     axes.set_title('best so far (bold), median and range of a generation', loc='left', fontsize=9)
     axes.grid(linewidth=0.4, alpha=0.5)

@@ -42,8 +42,13 @@ IN_PROCESS = Workers(_InProcess(), lambda: 1)
 
 
 class _LocalProcesses(ProcessPoolExecutor):
+    def __init__(self, n: int) -> None:
+        with _safe_path():
+            super().__init__(n, multiprocessing.get_context('spawn'), _start_worker)
+
     def submit(self, task: Callable, /, *args: Any, **kwargs: Any) -> Future:
-        with _interrupts_blocked():  # a worker that is starting must not receive Ctrl-C
+        # A worker that is starting must not receive Ctrl-C.
+        with _interrupts_blocked(), _safe_path():
             return super().submit(task, *args, **kwargs)
 
     def kill(self) -> None:
@@ -54,7 +59,7 @@ class _LocalProcesses(ProcessPoolExecutor):
 @contextlib.contextmanager
 def local_workers(n: int) -> Iterator[Workers]:
     """Provide `n` worker processes on this machine; an error in the block kills them."""
-    executor = _LocalProcesses(n, multiprocessing.get_context('spawn'), _start_worker)
+    executor = _LocalProcesses(n)
     try:
         yield Workers(executor, lambda: n)
     except BaseException:
@@ -75,6 +80,23 @@ def _end_with_parent() -> None:
     if parent is not None:
         multiprocessing.connection.wait([parent.sentinel])
         os._exit(1)
+
+
+@contextlib.contextmanager
+def _safe_path() -> Iterator[None]:
+    """Let new processes not import modules, such as a socket.py, from the working directory.
+
+    They get the import path of this process afterwards. Python before 3.11 ignores the variable.
+    """
+    name, old = 'PYTHONSAFEPATH', os.environ.get('PYTHONSAFEPATH')
+    os.environ[name] = '1'
+    try:
+        yield
+    finally:
+        if old is None:
+            del os.environ[name]
+        else:
+            os.environ[name] = old
 
 
 @contextlib.contextmanager

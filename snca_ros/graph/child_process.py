@@ -1,4 +1,4 @@
-"""Child processes that end with their parent, and their names in `ps`."""
+"""Child processes: their command line, their end with their parent, and their names in `ps`."""
 
 import ctypes
 import os
@@ -10,6 +10,20 @@ PARENT = 'SNCA_ROS_PARENT'
 """Environment variable that holds the process id of the process that starts a graph."""
 
 _PR_SET_PDEATHSIG, _PR_SET_NAME = 1, 15
+
+
+def own_command(module: str, *arguments: str) -> list[str]:
+    """Return the command line that runs a module of this project in a new process.
+
+    The new process imports modules from the same folders as this one. `python -m` would first look
+    in the working directory, where a random.py may lie.
+    """
+    folders = [folder for folder in sys.path if folder]
+    program = (
+        f'import runpy, sys; sys.path[:] = {folders}; '
+        f'runpy.run_module({module!r}, run_name="__main__", alter_sys=True)'
+    )
+    return [sys.executable, '-c', program, *arguments]
 
 
 def end_with_parent() -> None:

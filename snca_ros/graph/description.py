@@ -9,8 +9,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from sim_node.engine import DEFAULT_ENGINE, check_engine
 from sim_node.errors import InvalidInput
 from sim_node.model.body_faults import BodyFaults, FaultsOfBody
@@ -20,13 +18,16 @@ from sim_node.model.terrain import parse_terrain
 from sim_node.ros.sim_interface import SIM_NODE, RunOptions
 from snca_ros.controller_file import TrainedController
 from snca_ros.faults import NO_FAULTS, CellFaults, Faults
-from snca_ros.files import check_new_bag
+from snca_ros.files import check_new_bag, short_name
 from snca_ros.nodes.interfaces import (
     RECORDER_NODE,
     VOXEL_NODE,
     RecorderOptions,
     VoxelOptions,
 )
+from snca_ros.yaml_file import yaml_text
+
+_LONGEST_NAME = 80  # of a default namespace; ROS allows 247 characters for a whole topic
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +83,7 @@ class Graph:
         for process in self.processes:
             for name, values in process.parameters.items():
                 nodes[f'/{self.robot}/{name}'] = {'ros__parameters': values}
-        return yaml.safe_dump(nodes, sort_keys=False)
+        return yaml_text(nodes)
 
 
 @dataclass(frozen=True)
@@ -134,9 +135,11 @@ def describe_graph(
         options: of the walk.
 
     Raises:
-        InvalidInput: the robot's name is no ROS name, `only` names no voxels of this robot, or a
-            process would refuse its parameters.
+        InvalidInput: the robot's name is no ROS name, a path is not UTF-8, `only` names no voxels
+            of this robot, or a process would refuse its parameters.
     """
+    for name, path in (('controller', str(controller)), ('bag', options.bag)):
+        _check_utf8(name, os.path.abspath(path))
     morphology = trained.morphology
     _check_parameters(trained, options)
     k = options.voxels_per_process
@@ -177,7 +180,15 @@ def _check_parameters(trained: TrainedController, options: WalkOptions) -> None:
     BodyFaults(trained.morphology, FaultsOfBody(**options.faults.of_body), n_sensors)
     CellFaults(options.faults, trained.morphology)
     if options.bag:
-        check_new_bag(Path(options.bag))
+        check_new_bag(Path(options.bag), options.storage)
+
+
+def _check_utf8(name: str, path: str) -> None:
+    try:
+        path.encode()
+    except UnicodeEncodeError:
+        expected = 'a path in UTF-8, as ROS parameters are'
+        raise InvalidInput(name, path, expected) from None
 
 
 def choose_voxels(morphology: Morphology, only: str) -> tuple[str, ...]:
@@ -242,4 +253,5 @@ def _voxel_parameters(
 def robot_name(morphology: Morphology) -> str:
     """Return the default namespace of a robot of this shape."""
     text = ''.join(c if c.isascii() and c.isalnum() else '_' for c in morphology.name)
-    return text if text[:1].isalpha() else f'robot_{text}'
+    text = text if text[:1].isalpha() else f'robot_{text}'
+    return short_name(text, _LONGEST_NAME).replace('-', '_')

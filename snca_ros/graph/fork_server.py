@@ -23,7 +23,7 @@ from typing import Any, NoReturn
 from sim_node.ros.stop_signals import blocked_stop_signals
 from snca_ros.command_line import load_module
 from snca_ros.faults import NO_FAULTS
-from snca_ros.graph.child_process import PARENT, end_with_parent, name_process
+from snca_ros.graph.child_process import PARENT, end_with_parent, name_process, own_command
 from snca_ros.graph.executables import NODES, run_node
 from snca_ros.nodes.own_part import load_own_part
 
@@ -46,7 +46,7 @@ class ForkServer:
     def __init__(self, environment: dict[str, str]) -> None:
         self._connection, theirs = Pipe()
         self._process = subprocess.Popen(
-            [sys.executable, '-m', __name__, str(theirs.fileno())],
+            own_command(__name__, str(theirs.fileno())),
             env={**environment, PARENT: str(os.getpid())}, pass_fds=[theirs.fileno()],
             stdin=subprocess.DEVNULL, start_new_session=True,
         )

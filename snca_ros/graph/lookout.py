@@ -7,9 +7,9 @@ import time
 from multiprocessing.connection import Connection
 
 import rclpy
-from rclpy.signals import SignalHandlerOptions
 
 from sim_node.errors import InvalidInput
+from sim_node.ros.context import start_ros
 from sim_node.ros.simulations import Simulations
 from snca_ros.graph.environment import graph_environment
 
@@ -55,9 +55,7 @@ def _look(robot: str, enclave: str, reach: str, answer: Connection) -> None:
     """Send who simulates a robot now, empty for nobody."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which ends this
     os.environ.update(graph_environment(reach))
-    rclpy.init(
-        args=['--ros-args', '--enclave', enclave], signal_handler_options=SignalHandlerOptions.NO
-    )
+    start_ros(['--ros-args', '--enclave', enclave])
     node = rclpy.create_node('walk', namespace=f'/{robot}', enable_rosout=False)
     simulations, begun = Simulations(node), time.monotonic()
     found, waited = '', 0.0

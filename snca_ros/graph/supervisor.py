@@ -9,15 +9,16 @@ from typing import Protocol
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 
 from sim_node.control_time import CONTROL_RATE
+from sim_node.ros.context import start_ros
 from sim_node.ros.interface import DIAGNOSTICS
 from sim_node.ros.stop_signals import StopRequest
 from snca_ros.graph.description import Graph, NodeProcess, WalkOptions
 from snca_ros.graph.environment import graph_environment
 from snca_ros.graph.network import await_network
 from snca_ros.graph.processes import RunningGraph
+from snca_ros.progress import StatusLine
 
 _POLL_PERIOD = 0.2  # seconds between checks whether a process has ended
 
@@ -120,7 +121,7 @@ class _Progress:
 
     def __init__(self, node: Node, robot: str, duration: float) -> None:
         self._name, self._duration, self._steps = f'/{robot}/sim_node', duration, 0
-        self._live = sys.stderr.isatty()
+        self._line = StatusLine()
         node.create_subscription(DiagnosticArray, DIAGNOSTICS.name, self._note, 10)
 
     def _note(self, message: DiagnosticArray) -> None:
@@ -132,16 +133,11 @@ class _Progress:
 
     def show(self) -> None:
         """Show the simulated time so far."""
-        self._print(self._steps / CONTROL_RATE, end='')
+        self._line.show(f'{self._steps / CONTROL_RATE:7.1f} of {self._duration:g} s')
 
     def finish(self) -> None:
-        """Show that the walk has ended."""
-        self._print(self._duration, end='\n')
-
-    def _print(self, time: float, end: str) -> None:
-        if self._live:
-            text = f'\r{time:7.1f} of {self._duration:g} s'
-            print(text, end=end, file=sys.stderr, flush=True)
+        """Remove the line, since the walk has ended."""
+        self._line.clear()
 
 
 def _watch_walk(
@@ -154,7 +150,7 @@ def _watch_walk(
     graph, watch, view = running.graph, _Watch(running, respawn), None
     assert graph.simulation is not None
     arguments = ['--ros-args', '--enclave', graph.enclave('walk')]
-    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    start_ros(arguments)
     try:
         node = rclpy.create_node('walk', namespace=f'/{graph.robot}', enable_rosout=False)
         progress = _Progress(node, graph.robot, options.duration)

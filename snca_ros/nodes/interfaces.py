@@ -4,7 +4,15 @@ from dataclasses import astuple, dataclass
 
 from sim_node.model.constants import Checked, choice, constant, flag, text_value
 from sim_node.ros.interface import DIAGNOSTICS, ROSOUT, NodeInterface, Parameters, Topic
-from sim_node.ros.sim_interface import ACTUATION, CLOCK, MARKERS, ODOMETRY, PRESENCE, SENSORS
+from sim_node.ros.sim_interface import (
+    ACTUATION,
+    APPLIED,
+    CLOCK,
+    MARKERS,
+    ODOMETRY,
+    PRESENCE,
+    SENSORS,
+)
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.cell.models.arithmetic import ARITHMETICS, DEFAULT_ARITHMETIC
 from snca_ros.faults import FAULTS_OF_CELLS, Faults
@@ -103,10 +111,7 @@ class ViewOptions(Checked):
         InvalidInput: a value has the wrong type or is out of range.
     """
 
-    view: int = constant(
-        8765, 0, 65535, 'show the walk live on a web page of this machine, at this port, in real '
-        'time unless --real-time FACTOR is given'
-    )
+    port: int = constant(8765, 0, 65535, 'port of the live page, 0 for a free one')
 
 
 VOXEL = Parameters(VoxelOptions)
@@ -114,7 +119,7 @@ NEIGHBORS = Parameters(NeighborNames, 'neighbor.')
 FAULTS = Parameters(Faults, only=FAULTS_OF_CELLS)
 RECORDER = Parameters(RecorderOptions)
 
-_OF_ROBOT = (SENSORS, ACTUATION, SPIKES, VALUES, ODOMETRY, MARKERS)
+_OF_ROBOT = (SENSORS, ACTUATION, SPIKES, VALUES, ODOMETRY, MARKERS, APPLIED)
 
 VOXEL_NODE = NodeInterface(
     'voxel_node', 'Voxel',

@@ -6,10 +6,13 @@ timers and diagnostics. In control step k it publishes message(k), then `actuati
 """
 
 import argparse
+import contextlib
 import sys
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.qos import DurabilityPolicy
+from rclpy.subscription import Subscription
 from rclpy.utilities import remove_ros_args
 from sensor_msgs.msg import Image, JointState
 
@@ -61,6 +64,7 @@ class VoxelNode(RosNode):
         self._mismatch = PhysicsMismatch(path, part.physics, self.get_logger().warning)
         self._create_topics()
         self._duplicate = DuplicateDetector(self, self._voxel)
+        self._newest: Subscription | None = None  # only while it joins late, in real time
         self._join_timer = self.create_timer(_JOIN_PAUSE, self._join)
         # Runs only while a neighbour's message or a device's answer is late.
         self._poll_timer = self.create_timer(POLL_PERIOD, self._try_step)
@@ -103,6 +107,8 @@ class VoxelNode(RosNode):
     def _use_sensors(self) -> None:
         if self._core.joining:
             self._join_timer.reset()
+        if self._core.needs_newest and self._newest is None:
+            self._subscribe_to_newest()
         self._try_step()
 
     def _sweep(self) -> None:
@@ -121,11 +127,27 @@ class VoxelNode(RosNode):
         except InvalidInput as error:
             self._refuse_device(error)
 
+    def _subscribe_to_newest(self) -> None:
+        """Subscribe to the sensors that are published from now on, besides those of the past."""
+        qos = topics.stream_qos(1)
+        qos.durability = DurabilityPolicy.VOLATILE
+        self._newest = self.create_subscription(
+            JointState, SENSORS.of(self._voxel), self._on_newest, qos, raw=True
+        )
+
+    def _on_newest(self, data: bytes) -> None:
+        with contextlib.suppress(InvalidInput):  # `_on_sensors` refuses it
+            episode, step, _ = topics.read_joint_state(self._sensors_wire, data, 0.0, 1.0)
+            self._core.note_published(episode, step)
+
     def _join(self) -> None:
         """Take part from the newest step on, unless another node of this voxel is active."""
         if self._core.join(self._duplicate.is_active):
             self._join_timer.cancel()
             self._duplicate.close()
+            self.publish_diagnostics()  # so that a bag knows each process, if it is killed soon
+            if self._newest:
+                self.destroy_subscription(self._newest)
             self._try_step()
 
     def _take_messages(self) -> None:

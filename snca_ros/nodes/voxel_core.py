@@ -5,7 +5,6 @@ it returns.
 """
 
 from collections.abc import Callable, Iterable
-from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
@@ -14,26 +13,17 @@ from sim_node.control_time import START_STEPS
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import OPPOSITE
 from sim_node.ros.delivery import Delivery
-from snca_ros.nodes.episode_choice import EpisodeChoice, Sensors, Simulations
+from snca_ros.nodes.episode_choice import EpisodeChoice, Sensors, SensorsResult, Simulations
 from snca_ros.nodes.inbox import MessageBuffer
 from snca_ros.nodes.own_cell import FaultyCell
 from snca_ros.nodes.own_part import OwnPart
 
-_JOIN_LIMIT = 0.2  # seconds after the first sensors; in real time there is no pause between them
+_JOIN_LIMIT = 0.2  # seconds after the first sensors, if there is no pause between them
 _MAX_POLL_PERIOD = 0.05  # seconds; reached when the neighbour is probably dead
 _OVERDUE_STEPS = 15  # steps without a message after which the diagnostics name a neighbour
 
 POLL_PERIOD = 0.001
 """Initial period [s] of polling for a neighbour's message that is late."""
-
-
-class SensorsResult(Enum):
-    """Whether sensors were accepted; a value is the diagnostics' name of the counter."""
-
-    ACCEPTED = 'accepted sensors'
-    REPEATED = 'repeated sensors'
-    PAST = 'sensors of a past episode'
-    FOREIGN = 'sensors of another simulation'
 
 
 class Answer(NamedTuple):
@@ -109,6 +99,7 @@ class VoxelCore:
         self._readings: np.ndarray | None = None  # sensors(k) whose step has not begun
         self._newly_silent: tuple[int, ...] = ()  # in the step that has begun
         self.step = -1
+        self._newest_published: int | None = None
         self.since = self._first_received = now
         self._silent: set[int] = set()
         for delivery in (self.sensors_delivery, *self.deliveries.values()):
@@ -187,9 +178,29 @@ class VoxelCore:
         """Return whether a voxel that has received sensors should wait for newer ones to join.
 
         A voxel that joins late receives first the sensors of steps that are over; it must not
-        answer them.
+        answer them. In lock-step it catches up after it has joined; in real time it joins at the
+        newest step.
         """
-        return not self.joined and self.since - self._first_received < _JOIN_LIMIT
+        if self.joined:
+            return False
+        return self._behind or self.since - self._first_received < _JOIN_LIMIT
+
+    @property
+    def _behind(self) -> bool:
+        """Return whether, in real time, there may be newer sensors than those received."""
+        late = self._real_time and self.step >= START_STEPS
+        newest = self._newest_published
+        return late and (newest is None or self.step < newest)
+
+    @property
+    def needs_newest(self) -> bool:
+        """Return whether a voxel that joins late must be told which step is the newest."""
+        return not self.joined and self._behind and self._newest_published is None
+
+    def note_published(self, episode: bytes, step: int) -> None:
+        """Note that sensors have been published just now, so that older ones are over."""
+        if episode == self.episode:
+            self._newest_published = step
 
     def join(self, has_duplicate: Callable[[bytes], bool]) -> bool:
         """Take part from the newest step on, if there is one; return whether it takes part now.
@@ -197,8 +208,9 @@ class VoxelCore:
         Args:
             has_duplicate: returns whether another node publishes for this voxel in an episode.
         """
-        self.held_back = self.unanswered and has_duplicate(self.episode)
-        self.joined = self.joined or (self.unanswered and not self.held_back)
+        ready = self.unanswered and not self._behind
+        self.held_back = ready and has_duplicate(self.episode)
+        self.joined = self.joined or (ready and not self.held_back)
         return self.joined
 
     @property

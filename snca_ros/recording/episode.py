@@ -25,6 +25,7 @@ class RecordedEpisode(Episode):
         diverged: whether the physics became infinite or NaN before the end.
         name: of the robot.
         voxel_names: in the order of all arrays, row by row from the bottom.
+        walls: the walls that the robot met; `walls.times` and `walls.ahead` say when.
         recorded: the requested arrays, by name; each is an attribute, too.
         sensors: names of the readings, in their order.
     """
@@ -43,7 +44,8 @@ class RecordedEpisode(Episode):
     def v_x(self) -> float:
         """Return the mean velocity [m/s] after the first 5 s, or of all of a shorter episode.
 
-        It is -inf if the episode diverged.
+        It is measured until the robot meets the wall at the end of the ground, see `walls`. It is
+        -inf if the episode diverged.
         """
         return self.velocity()
 
@@ -57,11 +59,21 @@ class RecordedEpisode(Episode):
 
     @property
     def actuation(self) -> np.ndarray:
-        """Return the actuation, (n_steps, n_voxels) in [-1, 1]; 1 contracts, -1 expands.
+        """Return the cells' actuation, (n_steps, n_voxels) in [-1, 1]; 1 contracts, -1 expands.
 
         Row k acts from times[k] to times[k + 1].
         """
         return self._array('actuation')
+
+    @property
+    def applied(self) -> np.ndarray:
+        """Return what moved the body: `actuation`, except where actuators are broken.
+
+        It is recorded with `actuation`.
+        """
+        if 'applied' not in self.recorded:
+            return self._array('actuation')
+        return self._array('applied')
 
     @property
     def spikes(self) -> np.ndarray | None:
@@ -108,11 +120,11 @@ class RecordedEpisode(Episode):
         return found
 
     def __repr__(self) -> str:
-        diverged = ', diverged' if self.diverged else ''
-        kinds = [name for name, array in self.recorded.items() if array is not None]
+        events = [*(['diverged'] if self.diverged else []), *self.walls.describe()]
+        kinds = [name for name in RECORDABLE if self.recorded.get(name) is not None]
         return (
             f"RecordedEpisode('{self.name}', {self.times[-1]:.1f} s, v_x {self.v_x:.3f} m/s"
-            f'{diverged}{"".join(f", {kind}" for kind in kinds)})'
+            f'{"".join(f", {one}" for one in [*events, *kinds])})'
         )
 
 

@@ -7,8 +7,9 @@ from typing import Protocol
 
 import numpy as np
 
-from sim_node.control_time import CONTROL_RATE
+from sim_node.control_time import CONTROL_RATE, steps_in
 from sim_node.model.sensors import DEFAULT_SENSORS, SENSORS
+from sim_node.walls import Walls
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.evolution.episode import TRANSIENT, mean_velocity
 
@@ -24,8 +25,12 @@ class Walk(Protocol):
         """Return the centre of mass x, y [m] at each control step, (n, 2)."""
 
     @property
-    def actuation(self) -> np.ndarray:
-        """Return the actuation, (n_steps, n_voxels)."""
+    def walls(self) -> Walls:
+        """Return the walls that the robot met."""
+
+    @property
+    def applied(self) -> np.ndarray:
+        """Return the actuation that moved the body, (n_steps, n_voxels)."""
 
     @property
     def spikes(self) -> np.ndarray | None:
@@ -33,7 +38,7 @@ class Walk(Protocol):
 
     @property
     def heard(self) -> np.ndarray:
-        """Return which spikes are known, (n_steps, n_voxels)."""
+        """Return which spikes came in time to be used, (n_steps, n_voxels)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,13 +46,16 @@ class Gait:
     """Measures of a walk.
 
     Attributes:
-        velocity: mean v_x [m/s] after the transient; of the whole walk if it is shorter.
+        velocity: mean v_x [m/s] after the transient; of the whole walk if it is shorter. It is
+            measured until the robot meets the wall at the end of the ground.
         distance: between the first and the last position of the centre, in x [m].
         duration: between the first and the last control step [s].
         firing_rates: (n_voxels,) mean rate of the channels that a voxel sends [Hz]; None if the
             cells do not spike.
         frequencies: (n_voxels,) dominant frequency of the actuation [Hz]; 0 if it is constant.
         frequency: dominant frequency of the summed power of all voxels [Hz].
+        walls: walls that the robot met. Frequencies are measured as `velocity` is.
+        scored: the part of the walk that has this velocity, as text.
     """
 
     velocity: float
@@ -56,6 +64,8 @@ class Gait:
     firing_rates: np.ndarray | None
     frequencies: np.ndarray
     frequency: float
+    walls: Walls
+    scored: str
 
 
 def walked_velocity(x: np.ndarray, transient: float = TRANSIENT) -> float:
@@ -72,7 +82,7 @@ def walked_velocity(x: np.ndarray, transient: float = TRANSIENT) -> float:
         return math.nan
     first, last = _ends(x)
     walked = bridge_gaps(x[first : last + 1])
-    return mean_velocity(walked, max(0.0, transient - first / CONTROL_RATE))
+    return mean_velocity(walked, max(0, steps_in(transient) - first) / CONTROL_RATE)
 
 
 def _ends(x: np.ndarray) -> tuple[int, int]:
@@ -85,18 +95,23 @@ def measure_gait(recording: Walk) -> Gait:
     """Return the gait of a recorded walk."""
     x = recording.centers[:, 0]
     first, last = _ends(x)
-    steady = steady_part(recording.actuation)
+    walls = recording.walls
+    is_long = len(walls.free_part(x[: last + 1])) > steps_in(TRANSIENT) + 1
+    steady = steady_part(walls.free_part(recording.applied))
     rates = None
     if recording.spikes is not None:
         rates = firing_rates(recording.spikes, recording.heard)
     return Gait(
-        velocity=walked_velocity(x),
+        velocity=walked_velocity(walls.free_part(x)),
         distance=float(x[last] - x[first]),
         duration=(last - first) / CONTROL_RATE,
         firing_rates=rates,
         frequencies=peak_frequency(power_spectrum(steady), len(steady)),
         frequency=dominant_frequency(steady),
+        walls=walls,
+        scored=f'after the first {TRANSIENT:g} s' if is_long else 'whole walk',
     )
+
 
 
 def steady_part(actuation: np.ndarray, transient: float = TRANSIENT) -> np.ndarray:
@@ -106,7 +121,7 @@ def steady_part(actuation: np.ndarray, transient: float = TRANSIENT) -> np.ndarr
     """
     known = np.flatnonzero(np.isfinite(actuation).any(axis=1))
     actuation = bridge_gaps(actuation[: known[-1] + 1 if len(known) else 1])
-    first = round(transient * CONTROL_RATE)
+    first = steps_in(transient)
     return actuation[first if len(actuation) > first + 1 else 0 :]
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from snca_ros.bundled import find_controller
 from snca_ros.controller_file import TrainedController, load_controller
-from snca_ros.evolution.checkpoint import HISTORY
+from snca_ros.evolution.checkpoint_arrays import HISTORY
 from snca_ros.evolution.history import History, read_history
 from snca_ros.faults import parse_faults
 from snca_ros.recording.bag import Recording

@@ -32,7 +32,7 @@ def check_port(port: int) -> None:
 
 def _not_free(port: int, error: OSError) -> InvalidInput:
     reason = os.strerror(error.errno or 0)
-    return InvalidInput('view', f'{port}: {reason}', 'a port that is free')
+    return InvalidInput('port', f'{port}: {reason}', 'a port that is free')
 
 
 class PageServer:

@@ -1,4 +1,7 @@
-"""Graph tests start real processes over real DDS, in a ROS domain of their own."""
+"""Graph tests start real processes over real DDS, in a ROS domain of their own.
+
+Nodes are forks of servers that have imported everything; `start(..., real=True)` is without.
+"""
 
 import os
 import subprocess
@@ -10,12 +13,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.domains import claim_domain
+from support.forks import Fork, Forks
+from support.limits import LIMIT, be_patient
 from support.paths import ROOT
+from support.warm import warm
 
 from snca_ros.graph.environment import graph_environment
 
-# Before rclpy is imported: domains 1 to 100 are free of the kernel's ephemeral ports.
-os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
+_domain, _claim = claim_domain()  # before rclpy is imported
+os.environ['ROS_DOMAIN_ID'] = str(_domain)
 os.environ.update(graph_environment())  # loopback alone
 
 rclpy = pytest.importorskip('rclpy')
@@ -27,18 +34,20 @@ from sim_node.control_time import step_of_stamp  # noqa: E402
 from sim_node.model.morphology import parse_morphology  # noqa: E402
 from sim_node.model.sensors import DEFAULT_SENSORS  # noqa: E402
 from sim_node.ros.topics import stream_qos  # noqa: E402
-from sim_node.simulation import Simulation  # noqa: E402
 from snca_ros.cell.architecture import Architecture  # noqa: E402
-from snca_ros.cell.cells import Cells  # noqa: E402
 from snca_ros.controller_file import (  # noqa: E402
     TrainedController,
     load_controller,
     save_controller,
 )
+from snca_ros.files import write_text  # noqa: E402
+from snca_ros.graph import processes  # noqa: E402
 from snca_ros.graph.child_process import PARENT  # noqa: E402
-from snca_ros.graph.description import Graph, WalkOptions, describe_graph  # noqa: E402
+from snca_ros.graph.fork_server import ForkServer  # noqa: E402
 
-DEADLINE = 60.0
+be_patient()  # before tests import what it changes
+
+from snca_ros.graph.description import Graph, WalkOptions, describe_graph  # noqa: E402
 
 
 def pytest_collection_modifyitems(items):
@@ -50,11 +59,38 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture(scope='session', autouse=True)
 def compiled():
-    """Compile the functions that nodes use, so that no test's deadline includes compilation."""
-    simulation, architecture = Simulation('11-10'), Architecture.named('U-nD', 'snn-h')
-    readings = simulation.step(np.zeros(3))
-    cells = Cells(architecture, np.zeros((1, architecture.n_parameters(1))))
-    cells.step_cell(0, readings[0], cells.empty_inbox(), 0)
+    """Compile the functions that nodes use, so that no test waits for compilation."""
+    warm()
+
+
+@pytest.fixture(scope='session')
+def forks():
+    """Return the server of the processes that `start` starts."""
+    forks = Forks()
+    yield forks
+    forks.close()
+
+
+@pytest.fixture(scope='session', autouse=True)
+def shared_server():
+    """Let all `RunningGraph`s of the tests use one fork server."""
+    servers = []
+
+    class Shared:
+        def __init__(self, environment: dict[str, str]) -> None:
+            if not servers:
+                servers.append(ForkServer(environment))
+
+        def __getattr__(self, name: str) -> object:
+            return getattr(servers[0], name)
+
+        def close(self) -> None:
+            """Leave the server to the next graph."""
+
+    processes.ForkServer = Shared
+    yield
+    for server in servers:
+        server.close()
 
 
 @pytest.fixture(scope='session')
@@ -77,8 +113,8 @@ def node(ros):
 def spin_until(node) -> Callable[[Callable[[], object]], None]:
     """Return a function that spins the test's node until a condition holds."""
 
-    def spin(condition: Callable[[], object], seconds: float = DEADLINE) -> None:
-        deadline = time.monotonic() + seconds
+    def spin(condition: Callable[[], object]) -> None:
+        deadline = time.monotonic() + LIMIT
         while not condition():
             assert time.monotonic() < deadline, 'the condition never came true'
             rclpy.spin_once(node, timeout_sec=0.05)
@@ -106,16 +142,24 @@ def make_controller(tmp_path):
 
 
 @pytest.fixture
-def start(tmp_path):
-    """Return a function that starts `[prefix] python -m snca_ros ...`; all end with the test."""
-    children: list[subprocess.Popen] = []
+def start(tmp_path, forks):
+    """Return a function that starts `[prefix] python -m snca_ros ...`; all end with the test.
 
-    def run(*arguments: object, **options) -> subprocess.Popen:
+    Without a prefix and further options it is a fork that need not import, unless it is to be real.
+    """
+    children: list[subprocess.Popen | Fork] = []
+
+    def run(*arguments: object, real: bool = False, **options) -> subprocess.Popen | Fork:
+        words = list(map(str, arguments))
         path = os.pathsep.join(map(str, [ROOT, *options.pop('path', ())]))
+        environment = {**os.environ, 'PYTHONPATH': path, PARENT: str(os.getpid())}
+        if not real and not options and path == str(ROOT):
+            children.append(forks.start(words, environment, tmp_path))
+            return children[-1]
         child = subprocess.Popen(
-            [*options.pop('prefix', ()), sys.executable, '-m', 'snca_ros', *map(str, arguments)],
-            cwd=options.pop('cwd', tmp_path),
-            env={**os.environ, 'PYTHONPATH': path, PARENT: str(os.getpid())},
+            [*options.pop('prefix', ()), sys.executable, '-m', 'snca_ros', *words],
+            cwd=tmp_path,
+            env=environment,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -129,7 +173,7 @@ def start(tmp_path):
     for child in children:
         if child.poll() is None:
             child.kill()
-        child.communicate()
+        child.communicate(timeout=LIMIT)
 
 
 @pytest.fixture
@@ -157,7 +201,7 @@ def start_node(start, tmp_path):
 
     def run(graph: Graph, process) -> subprocess.Popen:
         params = tmp_path / 'params.yaml'
-        params.write_text(graph.parameters_yaml())
+        write_text(params, graph.parameters_yaml())  # whole: other processes may be reading it
         return start(
             process.executable, *process.names,
             '--ros-args', '-r', f'__ns:=/{graph.robot}', '--params-file', params,

@@ -4,6 +4,7 @@ import os
 import signal
 
 import pytest
+from support.limits import LIMIT
 from support.processes import is_alive, name_of, wait_until
 
 from snca_ros.graph.fork_server import ForkServer
@@ -31,7 +32,7 @@ def test_a_node_has_its_session_and_name_and_ends_by_signals(server):
         assert node.poll() is None
     nodes[0].kill()
     nodes[1].send_signal(signal.SIGTERM)
-    assert [node.wait(60) for node in nodes] == [-signal.SIGKILL, 0]
+    assert [node.wait(LIMIT) for node in nodes] == [-signal.SIGKILL, 0]
     nodes[0].kill()  # which does not reach another process
 
 
@@ -39,14 +40,14 @@ def test_no_early_signal_is_lost(server):
     for _ in range(20):
         node = start(server, *RUN)
         node.send_signal(signal.SIGINT)
-        assert node.wait(60) == 0
+        assert node.wait(LIMIT) == 0
 
 
 def test_exit_codes_and_the_end_of_the_server(capfd):
     server = ForkServer(dict(os.environ))
     helped, refused = start(server, 'sim_node', '--help'), start(server, 'sim_node', 'walk')
     elsewhere = start(server, *RUN, ROS_DOMAIN_ID='nowhere')
-    assert [process.wait(60) for process in (helped, refused, elsewhere)] == [0, 2, 2]
+    assert [process.wait(LIMIT) for process in (helped, refused, elsewhere)] == [0, 2, 2]
     output, error = capfd.readouterr()
     assert 'usage: ' in output
     assert "got 'walk'" in error

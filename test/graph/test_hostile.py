@@ -4,6 +4,7 @@ import signal
 
 import numpy as np
 from support.graph import go, offline
+from support.limits import LIMIT
 
 
 def refused(health):
@@ -34,7 +35,7 @@ def test_a_duplicate_of_a_voxel_is_held_back(
     np.testing.assert_array_equal([centers[0][k] for k in range(301)], offline(path, 5.0))
     assert double.poll() is None
     children['voxel_0_0'].send_signal(signal.SIGTERM)
-    children['voxel_0_0'].wait(30)
+    children['voxel_0_0'].wait(LIMIT)
     gone = max(centers[0])
     spin_until(lambda: max(centers[0]) > gone + 100)  # now the duplicate takes its place
 
@@ -43,7 +44,7 @@ def test_walk_recorded_under_attack_equals_its_offline_twin(start, attack, make_
     attack('/robot')
     child = start('walk', make_controller('11-10'), '--robot', 'robot', '--duration', 2,
                   '--bag', 'bag')
-    output, _ = child.communicate(timeout=120)
+    output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode == 0, output
     assert '121 positions of the centre, bit for bit the same' in output
     assert 'Traceback' not in output

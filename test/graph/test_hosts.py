@@ -6,6 +6,7 @@ import shutil
 import subprocess
 
 import pytest
+from support.limits import LIMIT
 from support.processes import TICK, wait_until
 
 from snca_ros.graph.environment import PROFILE_VARIABLES
@@ -88,9 +89,9 @@ def walk_on_two_hosts(cable, start, path, *options):
     there = start('voxels', path, '--only', '2/2', *options, prefix=cable.prefix(1))
     here = start('walk', path, '--only', '1/2', '--duration', 1.5, '--bag', 'bag', *options,
                  prefix=cable.prefix(0))
-    output, _ = here.communicate(timeout=120)
+    output, _ = here.communicate(timeout=LIMIT)
     assert here.returncode == 0, output
-    remote_output, _ = there.communicate(timeout=30)  # ends when the walk does
+    remote_output, _ = there.communicate(timeout=LIMIT)  # ends when the walk does
     assert there.returncode == 0, remote_output
     assert '/robot_11_10: voxel_0_1, voxel_1_1\n' in remote_output
     assert '/robot_11_10: 1 voxels in 1 processes' in output
@@ -123,9 +124,9 @@ def test_walk_in_real_time_survives_a_cut_cable(cable, start, make_controller, t
     cable.cut()
     TICK.wait(2.0)
     cable.mend()
-    output, _ = here.communicate(timeout=60)
+    output, _ = here.communicate(timeout=LIMIT)
     assert here.returncode == 0, output
-    remote_output, _ = there.communicate(timeout=60)
+    remote_output, _ = there.communicate(timeout=LIMIT)
     assert there.returncode == 0, remote_output
     for voxel in ('voxel_0_1', 'voxel_1_1'):
         assert re.search(rf'limp, silent for .*{voxel}', output)

@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from support.limits import LIMIT
 from support.paths import ROOT
 
 from snca_ros import cli
@@ -47,7 +48,7 @@ def installed(tmp_path_factory):
 def run(installed, name, *arguments, cwd):
     prefix, environment = installed
     return subprocess.run(
-        [prefix / 'lib' / 'snca_ros' / name, *arguments], cwd=cwd, env=environment, timeout=120,
+        [prefix / 'lib' / 'snca_ros' / name, *arguments], cwd=cwd, env=environment, timeout=LIMIT,
         capture_output=True, text=True, check=False,
     )
 

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.limits import LIMIT
 from support.paths import ROOT
 from support.processes import is_alive, wait_until
 
@@ -31,11 +32,11 @@ def arguments(executable, controller, tmp_path):
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize('executable', READY)
 def test_ends_cleanly(start, node, spin_until, make_controller, tmp_path, executable, number):
-    child = start(*arguments(executable, make_controller(), tmp_path))
+    child = start(*arguments(executable, make_controller(), tmp_path), real=True)
     name = 'voxel_0_0' if executable == 'voxel_node' else executable
     spin_until(lambda: (name, '/robot') in node.get_node_names_and_namespaces())
     child.send_signal(number)
-    output, _ = child.communicate(timeout=30)
+    output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode == 0, output
     assert 'Traceback' not in output
     assert 'error' not in output.lower()
@@ -43,9 +44,9 @@ def test_ends_cleanly(start, node, spin_until, make_controller, tmp_path, execut
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_ends_cleanly_while_starting(start, make_controller, tmp_path, number):
-    child = start(*arguments('voxel_node', make_controller(), tmp_path))
+    child = start(*arguments('voxel_node', make_controller(), tmp_path), real=True)
     child.send_signal(number)  # Python itself may still be starting: then the signal's own code
-    output, _ = child.communicate(timeout=30)
+    output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode in (0, 130, -number), output
     assert 'rclpy' not in output
 
@@ -111,7 +112,7 @@ BAD = {
 def test_bad_parameters_are_named(start, tmp_path, case):
     executable, given, expected = BAD[case]
     child = start(executable, '--ros-args', *given)
-    output, _ = child.communicate(timeout=60)
+    output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode == 2, output
     assert 'Traceback' not in output
     lines = [line for line in output.splitlines() if 'error' in line]
@@ -125,13 +126,13 @@ def test_params_file_is_named(start, tmp_path):
     params = tmp_path / 'wrong.yaml'
     params.write_text('/**:\n  ros__parameters:\n    duration: soon\n')
     child = start('sim_node', '--ros-args', '--params-file', params)
-    output, _ = child.communicate(timeout=60)
+    output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode == 2
     assert str(params) in output
     assert 'duration' in output
     params.write_text('/**: [unbalanced\n')
     child = start('sim_node', '--ros-args', '--params-file', params)
-    output, _ = child.communicate(timeout=60)
+    output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode == 2
     assert str(params) in output
     assert 'Traceback' not in output
@@ -141,7 +142,7 @@ def test_controller_of_another_shape_is_refused(start, make_controller):
     child = start(
         'voxel_node', 'voxel_3_1', '--ros-args', '-p', f'controller:={make_controller("11-10")}'
     )
-    output, _ = child.communicate(timeout=60)
+    output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode == 2
     assert 'voxel_3_1' in output
     assert '11-10' in output
@@ -152,7 +153,7 @@ def test_existing_bag_is_not_touched(start, tmp_path):
     (tmp_path / 'bag').mkdir()
     (tmp_path / 'bag' / 'mine').write_text('precious')
     child = start('recorder_node', '--ros-args', '-p', f'bag:={tmp_path / "bag"}')
-    output, _ = child.communicate(timeout=60)
+    output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode == 2
     assert 'bag' in output
     assert [p.name for p in (tmp_path / 'bag').iterdir()] == ['mine']
@@ -178,7 +179,7 @@ def test_shipped_params_file_is_understood(start, node, spin_until):
     )
     spin_until(lambda: ('sim_node', '/robot') in node.get_node_names_and_namespaces())
     child.send_signal(signal.SIGINT)
-    output, _ = child.communicate(timeout=30)
+    output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode == 0, output
 
 

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import numpy as np
+from support.limits import LIMIT
 from support.paths import ROOT
 from support.tilt_sensor import Turned
 
@@ -31,7 +32,7 @@ def test_a_graph_with_a_sensor_of_a_plug_in_repeats_the_offline_walk(
     walked = subprocess.run(
         [sys.executable, '-m', 'snca_ros', 'walk', path, '--duration', '1',
          '--voxels-per-process', '2', '--bag', bag],
-        env=environment, cwd=tmp_path, text=True, timeout=120, capture_output=True, check=False,
+        env=environment, cwd=tmp_path, text=True, timeout=LIMIT, capture_output=True, check=False,
     )
     assert walked.returncode == 0, walked.stderr
     recording = read_bag(bag)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from std_srvs.srv import Trigger
 from support.graph import call, go, offline
+from support.limits import LIMIT
 
 from sim_node.model.morphology import DIRECTIONS, parse_morphology
 from sim_node.model.physics import PHYSICS
@@ -26,7 +27,7 @@ def test_a_walk_has_the_physics_of_its_controller(make_controller, tmp_path, phy
     options = WalkOptions(duration=1.5, voxels_per_process=2, bag=str(tmp_path / 'bag'))
     graph = describe_graph(path, trained, options)
     with RunningGraph(graph, {}) as running:
-        assert running.wait(graph.simulation, 90.0) == 0
+        assert running.wait(graph.simulation, LIMIT) == 0
     recording, (twin, _) = read_bag(tmp_path / 'bag'), record_offline(trained, path, 1.5)
     assert recording.physics == twin.physics == physics
     np.testing.assert_array_equal(recording.centers, twin.centers)
@@ -55,11 +56,11 @@ def test_a_simulation_by_hand_takes_its_physics_from_the_file(
     simulation = start('sim_node', '--ros-args', '-r', '__ns:=/robot', '-p', 'recorders:=1',
                        '-p', f'controller:={path}', '-p', 'duration:=1.0')
     voxels = [start(*voxel_by_hand(v, path)) for v in parse_morphology('11-10').voxel_names]
-    output, _ = simulation.communicate(timeout=90)
+    output, _ = simulation.communicate(timeout=LIMIT)
     assert simulation.returncode == 0, output
     for child in (*voxels, recorder):
         child.send_signal(signal.SIGINT)
-        output, _ = child.communicate(timeout=60)
+        output, _ = child.communicate(timeout=LIMIT)
         assert 'was evolved in' not in output
     recording, (twin, _) = read_bag(tmp_path / 'bag'), record_offline(
         load_controller(path), path, 1.0
@@ -82,7 +83,7 @@ def test_a_voxel_in_another_physics_walks_on_and_warns_once_an_episode(
         assert health[voxel][0] == WARN
     assert words not in health['sim_node'][1]
     children['voxel_0_0'].send_signal(signal.SIGINT)
-    output, _ = children['voxel_0_0'].communicate(timeout=60)
+    output, _ = children['voxel_0_0'].communicate(timeout=LIMIT)
     warnings = [line for line in output.splitlines() if 'was evolved in' in line]
     assert len(warnings) == 2, output  # two episodes
     for text in ('WARN', str(path), "'reference'", "'first'", f'-p controller:={path}',
@@ -96,6 +97,6 @@ def test_voxels_of_the_same_physics_do_not_warn(walk, node, spin_until, centers,
     spin_until(lambda: 60 in centers[0])
     np.testing.assert_array_equal([centers[0][k] for k in range(61)], offline(path, 1.0))
     children['voxel_0_0'].send_signal(signal.SIGINT)
-    output, _ = children['voxel_0_0'].communicate(timeout=60)
+    output, _ = children['voxel_0_0'].communicate(timeout=LIMIT)
     assert 'was evolved in' not in output
     assert 'evolved' not in health['voxel_0_0'][1]

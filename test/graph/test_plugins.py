@@ -1,6 +1,7 @@
 """Cells of a plugin over ROS: each process imports the modules that SNCA_PLUGINS names."""
 
 import pytest
+from support.limits import LIMIT
 from support.paths import ROOT
 from support.plugin_neurons import Integrator, Pacemaker
 
@@ -28,7 +29,7 @@ def plugin(monkeypatch):
 def test_walk_of_cells_from_outside_equals_its_twin(start, make_controller, plugin, model):
     path = make_controller('11-10', model=model)
     child = start('walk', path, '--duration', 1, '--bag', 'bag', path=[ROOT / 'test'])
-    output, _ = child.communicate(timeout=120)
+    output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode == 0, output
     assert '61 positions of the centre, bit for bit the same' in output
     assert 'Traceback' not in output
@@ -40,6 +41,6 @@ def test_without_the_plugin_the_error_lists_the_models(
     path = make_controller('11-10', model='pacemaker')
     monkeypatch.delenv(PLUGINS)
     child = start('walk', path, '--duration', 1)
-    output, _ = child.communicate(timeout=60)
+    output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode == 2, output
     assert "neuron_model: got 'pacemaker', expected one of mlp, snn, snn-h" in output

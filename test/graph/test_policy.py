@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 from lxml import etree
+from support.limits import LIMIT
 
 from sim_node.ros import security
 from snca_ros.controller_file import load_controller
@@ -75,14 +76,14 @@ def test_policy_allows_what_nodes_do_and_no_more(make_controller, node, spin_unt
 
     with RunningGraph(graph, {}):
         try:
-            spin_until(look, 30.0)
+            spin_until(look)
         except AssertionError:
             assert seen == expected  # shows where they differ
 
 
 def test_voxels_have_enclaves_and_may_subscribe_only_to_neighbours(start, make_controller):
     child = start('policy', make_controller('111', 'U-nD', 'snn'), '--robot', 'trio')
-    output, _ = child.communicate(timeout=60)
+    output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode == 0
     policy = etree.fromstring(output.encode())
     SCHEMA.assertValid(policy)
@@ -101,7 +102,7 @@ def test_voxels_have_enclaves_and_may_subscribe_only_to_neighbours(start, make_c
 
 def test_processes_of_several_voxels_share_an_enclave(start, make_controller):
     child = start('policy', make_controller('111', 'U-nD', 'snn'), '--voxels-per-process', 2)
-    output, _ = child.communicate(timeout=60)
+    output, _ = child.communicate(timeout=LIMIT)
     policy = etree.fromstring(output.encode())
     profiles = {e.get('path'): [p.get('node') for p in e.iter('profile')]
                 for e in policy.iter('enclave')}
@@ -116,7 +117,7 @@ def test_security_that_cannot_be_had_is_refused(start, tmp_path, monkeypatch, co
     monkeypatch.setenv(security.STRATEGY, 'Enforce')
     monkeypatch.setenv(security.KEYSTORE, str(tmp_path))
     child = start(command)
-    output, _ = child.communicate(timeout=60)
+    output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode == 2, output
     assert 'Traceback' not in output
     assert 'docs/security.md' in output
@@ -127,7 +128,7 @@ def test_keystore_that_is_missing_is_named(start, monkeypatch):
     monkeypatch.setenv(security.ENABLE, 'true')
     monkeypatch.setenv(security.STRATEGY, 'Enforce')
     child = start('sim_node')
-    output, _ = child.communicate(timeout=60)
+    output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode == 2, output
     (line,) = [line for line in output.splitlines() if 'error: ' in line]
     assert security.KEYSTORE in line

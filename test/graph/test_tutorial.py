@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.limits import LIMIT
 from support.paths import ROOT
 from support.processes import children_of, wait_until
 
@@ -54,7 +55,7 @@ def test_the_commands_of_the_tutorial_work(tmp_path):
         return children[-1]
 
     def finish(child):
-        output, _ = child.communicate(timeout=600)  # on a cold cache the first one compiles
+        output, _ = child.communicate(timeout=LIMIT)  # on a cold cache the first one compiles
         assert child.returncode == 0, f'{child.args[-1]}\n{output}'
         outputs.append(output)
 

@@ -16,6 +16,7 @@ import yaml
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
+from support.limits import LIMIT
 from support.paths import ROOT
 
 from snca_ros.bundled import find_controller
@@ -44,7 +45,7 @@ def bag(tmp_path_factory):
     bag = tmp_path_factory.mktemp('viewers') / 'bag'
     command = ['walk', '--duration', '0.5', '--voxels-per-process', '5', '--bag', str(bag)]
     run = subprocess.run(
-        [sys.executable, '-m', 'snca_ros', *command], cwd=bag.parent, text=True, timeout=120,
+        [sys.executable, '-m', 'snca_ros', *command], cwd=bag.parent, text=True, timeout=LIMIT,
         env={**os.environ, 'PYTHONPATH': str(ROOT), PARENT: str(os.getpid())},
         capture_output=True, check=False,
     )

@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import pytest
+from support.limits import LIMIT
 
 from sim_node.errors import InvalidInput
 from sim_node.registry import PLUGINS, Registry
@@ -59,7 +60,7 @@ ENGINES.register('nothing', Nothing)
 
 def run(code, path, plugins):
     return subprocess.run(
-        [sys.executable, '-c', code], check=False, capture_output=True, text=True, timeout=60,
+        [sys.executable, '-c', code], check=False, capture_output=True, text=True, timeout=LIMIT,
         env={'PYTHONPATH': f'{path}:{":".join(p for p in sys.path if p)}', PLUGINS: plugins},
     )
 

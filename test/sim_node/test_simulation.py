@@ -8,6 +8,7 @@ import pymunk
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.limits import LIMIT
 from support.paths import ROOT, TEST
 from support.trace import trace
 
@@ -182,7 +183,8 @@ def test_a_fresh_process_gives_the_same_bits():
     code = 'from support.trace import trace; print(trace(sensor_noise=0.05, seed=1))'
     result = subprocess.run(
         [sys.executable, '-c', code], cwd=TEST, capture_output=True, text=True,
-        check=True, timeout=300, env={**os.environ, 'PYTHONPATH': str(ROOT), 'PYTHONHASHSEED': '7'},
+        check=True, timeout=LIMIT,
+        env={**os.environ, 'PYTHONPATH': str(ROOT), 'PYTHONHASHSEED': '7'},
     )
     assert result.stdout.strip() == trace(sensor_noise=0.05, seed=1)
 

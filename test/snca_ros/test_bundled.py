@@ -7,6 +7,7 @@ import pytest
 from support.made_up_results import PAPER_TYPES, made_up_row, write_results
 from support.paths import ROOT
 
+import snca_ros.bundled
 from scripts import bundle_controllers
 from sim_node.simulation import Simulation
 from snca_ros.bundled import DEFAULT_CONTROLLER, bundled_controllers, find_controller
@@ -22,6 +23,16 @@ def test_default_is_bundled():
     assert DEFAULT_CONTROLLER in NAMES
     assert find_controller(DEFAULT_CONTROLLER) == BUNDLED / f'{DEFAULT_CONTROLLER}.npz'
     assert set(NAMES) <= set(bundled_controllers())
+
+
+@pytest.mark.parametrize('library', ['lib/python3.12/site-packages', 'local/lib/python', '.'])
+def test_the_bundled_are_found_beside_an_installation(library, tmp_path, monkeypatch):
+    """With `pip install --prefix`, `--user` and `--target`."""
+    monkeypatch.setattr(snca_ros.bundled, '__file__', f'{tmp_path / library}/snca_ros/bundled.py')
+    controllers = tmp_path / 'share' / 'snca_ros' / 'config' / 'controllers'
+    controllers.mkdir(parents=True)
+    (controllers / 'one-of-them.npz').touch()
+    assert bundled_controllers()['one-of-them'] == controllers / 'one-of-them.npz'
 
 
 def test_default_is_what_its_history_says():

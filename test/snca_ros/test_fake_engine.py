@@ -130,10 +130,10 @@ def test_runs_evolve_in_it_and_their_best_is_assessed_in_it(config, tmp_path):
     best = progress.strategy['individuals'][:1]
     trained = load_controller(tmp_path / 'run' / 'best.npz')
     assert (trained.chosen_by, list(trained.scores)) == ('sledge', ['sledge', 'pymunk'])
-    assert trained.fitness == next(evaluate(IN_PROCESS, config, best))
+    assert trained.fitness == next(evaluate(IN_PROCESS, config, best)).score
     assert 'sledge' in config.name
     trial = Trial(trained, 'flat', 'sledge', duration=1.0, transient=0.2)
-    assert score(trial) == trained.fitness
+    assert score(trial).score == trained.fitness
     pushed, = evaluate(IN_PROCESS, config, best, 5)
     assert score(replace(trial, start=5)) == pushed
 

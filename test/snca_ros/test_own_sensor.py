@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 import yaml
+from support.limits import LIMIT
 from support.paths import ROOT
 from support.synthetic_bag import make_walk, messages_of_walk, write_messages
 from support.tilt_sensor import Height, Turned
@@ -200,7 +201,7 @@ def test_the_command_takes_sensors_of_a_plug_in(tmp_path):
         environment = {**os.environ, 'PYTHONPATH': path, **plugins}
         return subprocess.run(
             command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False,
-            timeout=200,
+            timeout=LIMIT,
         )
 
     refused = run()

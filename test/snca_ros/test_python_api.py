@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.limits import LIMIT
 from support.paths import ROOT
 from support.synthetic_bag import Walk, messages_of_walk, write_messages
 
@@ -46,7 +47,7 @@ def make_robot(model='snn-h', **options):
 def python(*arguments, **options):
     return subprocess.run(
         [sys.executable, *arguments], check=False, env=ENVIRONMENT, capture_output=True, text=True,
-        timeout=300, **options,
+        timeout=LIMIT, **options,
     )
 
 

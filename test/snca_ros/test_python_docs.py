@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+from support.limits import LIMIT
 from support.paths import ROOT
 from support.synthetic_bag import Walk, messages_of_walk, write_messages
 
@@ -43,6 +44,7 @@ def own_tasks():
         del TASKS[name]
 
 
+@pytest.mark.slow  # compiles a neuron model and a sensor
 def test_every_line_of_the_page_runs(tmp_path, monkeypatch, capsys, own_tasks):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(NEURON_MODELS, '_entries', dict(NEURON_MODELS))
@@ -123,7 +125,7 @@ def test_the_notebook_runs(tmp_path):
     environment = {**os.environ, 'PYTHONPATH': str(ROOT), 'MPLBACKEND': 'Agg'}
     found = subprocess.run(
         [sys.executable, '-W', 'error::UserWarning', '-c', runner], check=False, cwd=tmp_path,
-        env=environment, capture_output=True, text=True, timeout=600,
+        env=environment, capture_output=True, text=True, timeout=LIMIT,
     )
     assert found.returncode == 0, found.stderr
     assert re.search(r'^v_x \d+\.\d\d m/s, rhythm \d+\.\d\d Hz$', found.stdout, re.MULTILINE)

@@ -8,7 +8,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from support.processes import LIMIT, stat_of, wait_until
+from support.limits import LIMIT
+from support.processes import stat_of, wait_until
 
 import snca_ros
 from snca_ros import cli

@@ -7,19 +7,22 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from support.limits import LIMIT
+
 SERVER = 'fork_server'  # name of the parent of a walk's nodes
 TICK = threading.Event()
-LIMIT = 300.0  # s; only a hang reaches it
 
 
 def wait_until(
     condition: Callable[[], object], what: str = 'a condition', limit: float = LIMIT
 ) -> object:
     """Poll a condition until it is true; return its value."""
-    end = time.monotonic() + limit
+    begin = now = time.monotonic()
     while not (found := condition()):
-        assert time.monotonic() < end, f'waited in vain for {what}'
-        TICK.wait(0.02)
+        asked, now = now, time.monotonic()
+        assert now < begin + limit, f'waited in vain for {what}'
+        TICK.wait(max(0.02, 3.0 * (now - asked)))  # leaves the machine to those it waits for
+        now = time.monotonic()
     return found
 
 
@@ -77,7 +80,7 @@ def wait_until_gone(processes: dict[int, str]) -> None:
         return [pid for pid, started in processes.items() if is_alive(pid, started)]
 
     try:
-        wait_until(lambda: not alive(), f'the end of {sorted(processes)}', limit=60.0)
+        wait_until(lambda: not alive(), f'the end of {sorted(processes)}', limit=LIMIT)
     finally:
         for pid in alive():
             os.kill(pid, signal.SIGKILL)

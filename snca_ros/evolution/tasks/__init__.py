@@ -9,11 +9,12 @@ is a room of its own below that code: it imports neither engines nor evolution.
 
 from sim_node.errors import InvalidInput, check_name
 from sim_node.registry import Registry
-from snca_ros.evolution.tasks.task import RECORDS, Episode, Task, score_of
+from snca_ros.evolution.tasks.task import RECORDS, Episode, Scored, Task, score_of
 from snca_ros.evolution.tasks.walk import Walk
 
 __all__ = [
-    'DEFAULT_TASK', 'RECORDS', 'TASKS', 'Episode', 'Task', 'Walk', 'check_task', 'score_of',
+    'DEFAULT_TASK', 'RECORDS', 'TASKS', 'Episode', 'Scored', 'Task', 'Walk', 'check_task',
+    'score_of',
 ]
 
 DEFAULT_TASK = 'walk'

@@ -4,11 +4,13 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
-from sim_node.control_time import CONTROL_RATE
+from sim_node.control_time import CONTROL_RATE, steps_in
 from sim_node.errors import InvalidInput
+from sim_node.walls import NO_WALLS, Walls
 
 TRANSIENT = 5.0
 """What is not scored at the start of an episode [s] (paper, section 4.1)."""
@@ -29,20 +31,27 @@ class Episode:
             Row k belongs to control step k: `actuation` in [-1, 1] as it acted during the step;
             `area_ratios` (area over area at rest) and `touching` (1.0 on the ground, else 0.0)
             after it.
+        walls: the walls that the robot met, and when.
     """
 
     centers: np.ndarray
     diverged: bool
     records: Mapping[str, np.ndarray] = field(default_factory=dict, kw_only=True)
+    walls: Walls = field(default=NO_WALLS, kw_only=True)
 
     def velocity(self, transient: float = TRANSIENT) -> float:
-        """Return v_x [m/s] after `transient` seconds, or -inf if the episode diverged."""
-        return -np.inf if self.diverged else mean_velocity(self.centers[:, 0], transient)
+        """Return v_x [m/s] after `transient` seconds, or -inf if the episode diverged.
+
+        It is measured until the robot meets the wall at the end of the ground.
+        """
+        return -np.inf if self.diverged else mean_velocity(
+            self.walls.free_part(self.centers[:, 0]), transient
+        )
 
 
 def mean_velocity(x: np.ndarray, transient: float = TRANSIENT) -> float:
     """Return the mean velocity [m/s] of positions `x` [m], one per control step from step 0."""
-    first = round(transient * CONTROL_RATE)
+    first = steps_in(transient)
     if len(x) <= first + 1:
         first = 0
     if len(x) < 2:
@@ -85,7 +94,14 @@ class Task(ABC):
         return f'{score:.{digits}f} {self.unit}'.rstrip()
 
 
-def score_of(task: Task, episode: Episode, transient: float) -> float:
+class Scored(NamedTuple):
+    """The score of an episode, and the walls that the robot met in it."""
+
+    score: float
+    walls: Walls
+
+
+def score_of(task: Task, episode: Episode, transient: float) -> Scored:
     """Return the score of an episode; -inf if it diverged.
 
     Args:
@@ -97,9 +113,9 @@ def score_of(task: Task, episode: Episode, transient: float) -> float:
         InvalidInput: the task gave something that cannot be compared.
     """
     if episode.diverged:
-        return -math.inf
+        return Scored(-math.inf, episode.walls)
     score = task.score(episode, transient)
     if not isinstance(score, (int, float, np.floating, np.integer)) or math.isnan(score):
         name = f'{type(task).__name__}.score'
         raise InvalidInput(name, score, f'a number, {task.quantity} of the episode')
-    return float(score)
+    return Scored(float(score), episode.walls)

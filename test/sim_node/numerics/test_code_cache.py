@@ -4,13 +4,14 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
 import pytest
 
 import sim_node
-from sim_node.numerics.code_cache import _unused
+from sim_node.numerics.cache_folder import _parents, _unused
 from sim_node.numerics.source_digest import sources
 
 
@@ -58,7 +59,7 @@ def test_the_real_sources_include_kernels_and_their_constants() -> None:
 
 PROGRAM = """
 import numpy as np
-from sim_node.numerics import code_cache
+from sim_node.numerics import cache_folder
 from sim_node.numerics.jit import compiled, warm_up
 from sim_node.numerics.elementary_functions import tanh
 
@@ -67,7 +68,7 @@ def twice_tanh(x):
     return 2.0 * tanh(x)
 
 warm_up('test', lambda: twice_tanh(0.5))
-print(repr(float(twice_tanh(0.5))), code_cache.folder(), dict(twice_tanh.stats.cache_hits) != {})
+print(repr(float(twice_tanh(0.5))), cache_folder.folder(), dict(twice_tanh.stats.cache_hits) != {})
 """
 
 
@@ -117,23 +118,46 @@ def test_damaged_code_is_compiled_again(copy: Path) -> None:
         for damage in (lambda data: data[: len(data) // 2], lambda data: b'\0' * len(data)):
             for path in Path(folder).rglob(pattern):
                 path.write_bytes(damage(path.read_bytes()))
-            assert run(copy)[:3] == (first, folder, False)
-            assert run(copy)[:3] == (first, folder, True)
+            *found, errors = run(copy)
+            assert found == [first, folder, False]
+            assert errors.count('\n') == errors.count('damaged: compiled code is dropped') == 1
+            assert run(copy) == (first, folder, True, '')
 
 
-@pytest.mark.skipif(os.getuid() == 0, reason='root may write everywhere')
-def test_without_a_writable_folder_code_is_compiled_and_a_message_reports_it(copy: Path) -> None:
-    (copy / 'home').chmod(0o500)
-    _, folder, hit, errors = run(copy)
-    assert (folder, hit) == ('None', False)
-    assert 'compiled code cannot be kept' in errors
+def test_files_that_cannot_be_replaced_are_no_error(copy: Path) -> None:
+    first, folder, *_ = run(copy)
+    for path in [*Path(folder).rglob('*.nbi'), Path(folder) / 'test.compiled']:
+        path.unlink()
+        path.mkdir()
+    (Path(folder) / 'test.compiled').rmdir()
+    (Path(folder) / 'test.compiled').symlink_to('nowhere/file')
+    *found, errors = run(copy)
+    assert found == [first, folder, False]
+    assert errors.count('\n') == errors.count('Is a directory: compiled code is not kept') == 1
 
 
-def test_a_file_in_place_of_the_folder_is_no_error(copy: Path) -> None:
+def test_without_a_usable_home_code_is_kept_among_temporary_files(copy: Path) -> None:
+    temporary = copy / 'tmp' / f'snca_ros-{os.getuid()}'
+    temporary.parent.mkdir()
     (copy / 'home' / '.cache').write_text('')
-    _, folder, hit, errors = run(copy)
+    _, folder, hit, errors = run(copy, TMPDIR=str(temporary.parent))
+    assert (Path(folder).parent, hit, errors) == (temporary, False, '')
+    assert temporary.stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.parametrize('home', ['~', '', 'relative', '/nowhere', '/dev/null'])
+def test_home_that_is_no_folder_is_not_made(home, monkeypatch) -> None:
+    for variable in VARIABLES[1:]:
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setenv('HOME', home)
+    assert _parents() == [Path(tempfile.gettempdir(), f'snca_ros-{os.getuid()}')]
+
+
+def test_without_any_folder_code_is_compiled_and_a_message_reports_it(copy: Path) -> None:
+    (copy / 'file').write_text('')
+    _, folder, hit, errors = run(copy, XDG_CACHE_HOME=str(copy / 'file'))
     assert (folder, hit) == ('None', False)
-    assert errors.count('compiled code cannot be kept') == 1
+    assert errors.count('\n') == errors.count('Not a directory: compiled code cannot be kept') == 1
 
 
 def test_folders_unused_for_a_month_are_removed(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from support.limits import LIMIT
 
 from sim_node.numerics.dispatch import method
 from sim_node.numerics.jit import compiled, compiled_inline
@@ -94,7 +95,7 @@ def run(folder: Path) -> list[str]:
     path = os.pathsep.join([str(folder), *(p for p in sys.path if p)])
     environment = {**os.environ, 'PYTHONPATH': path, 'NUMBA_CACHE_DIR': str(folder / 'cache')}
     result = subprocess.run(
-        [sys.executable, str(folder / 'program.py')], capture_output=True, text=True, timeout=120,
+        [sys.executable, str(folder / 'program.py')], capture_output=True, text=True, timeout=LIMIT,
         env=environment, check=False,
     )
     assert result.returncode == 0, result.stderr

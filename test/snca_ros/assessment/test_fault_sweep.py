@@ -55,14 +55,16 @@ def test_table_csv_and_figure_tell_the_same(worms, tmp_path, capsys):
     assert tuple(rows[0]) == (*COLUMNS, 'v_x')
     sweeps = [parse_sweep(text) for text in texts]
     assert [tuple(row[c] for c in COLUMNS) for row in rows] == [
-        (worm, sweep.text, str(x), 'flat', 'pymunk', str(start))
+        (worm, sweep.text, str(x), 'flat', 'pymunk', str(start), '', '')
         for sweep in sweeps for worm in worms for x in sweep.values for start in range(2)
     ]
     scores = np.array([float(row['v_x']) for row in rows]).reshape(2, 2, 3, 2)
-    exact = score(Trial(trained_worm(1), 'flat'))
+    exact = score(Trial(trained_worm(1), 'flat')).score
     assert (scores[:, 1, 0, 0] == exact).all()  # no loss, nothing broken
     lossy = Faults(loss=0.4, seed=6)
-    assert scores[0, 1, 1, 1] == score(Trial(trained_worm(1), 'flat', start=1, faults=lossy))
+    assert scores[0, 1, 1, 1] == score(
+        Trial(trained_worm(1), 'flat', start=1, faults=lossy)
+    ).score
     assert scores[0, 1, 1, 1] != exact
     for sweep, of_sweep in zip(sweeps, scores, strict=True):
         assert '\n'.join(table(worms, sweep, of_sweep)) in out

@@ -23,7 +23,7 @@ def test_a_trial_is_the_episode_of_its_simulation(engine):
         'biped', 'uphill-10', engine=engine, push=2, solver=trained.solver
     )
     expected = run_episode(simulation, trained.controller(), 6.0).velocity(1.0)
-    assert score(trial) == expected != 0.0
+    assert score(trial).score == expected != 0.0
 
 
 def test_workers_do_not_matter():
@@ -48,13 +48,13 @@ def test_table_csv_and_figure_tell_the_same(worms, tmp_path, capsys):
         rows = list(csv.DictReader(file))
     assert tuple(rows[0]) == (*COLUMNS, 'v_x')
     terrains.append('mean')
-    expected = [(w, t, 'pymunk', str(s)) for w in worms for t in terrains for s in range(4)]
+    expected = [(w, t, 'pymunk', str(s), '', '') for w in worms for t in terrains for s in range(4)]
     assert [tuple(row[c] for c in COLUMNS) for row in rows] == expected
     scores = np.array([float(row['v_x']) for row in rows]).reshape(2, 4, 4)
     np.testing.assert_allclose(scores[:, 3], scores[:, :3].mean(axis=1), rtol=1e-12)
     assert scores[1, 1, 2] == score(
         Trial(trained_worm(1), 'downhill-20', start=2, duration=7.0)
-    )
+    ).score
     for worm, of_one in zip(worms, scores, strict=True):
         assert '\n'.join(table(worm, terrains, of_one, 'v_x')) in out
     picture = (tmp_path / 'scores.svg').read_text()
@@ -73,7 +73,9 @@ def test_seeds_of_terrains_count_within_their_kind(worms, tmp_path, capsys):
     assert list(v_x) == [
         *(name for names in kinds.values() for name in names), *UNSEEN_KINDS[:12], 'mean'
     ]
-    assert v_x['hilly-1-20-16'] == score(Trial(trained_worm(), 'hilly-1-20-16', duration=5.1))
+    assert v_x['hilly-1-20-16'] == score(
+        Trial(trained_worm(), 'hilly-1-20-16', duration=5.1)
+    ).score
     for kind, names in kinds.items():
         assert v_x[kind] == np.mean([v_x[name] for name in names])
     assert v_x['mean'] == pytest.approx(np.mean([v_x[kind] for kind in UNSEEN_KINDS]), rel=1e-12)

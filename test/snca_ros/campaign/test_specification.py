@@ -21,12 +21,18 @@ from snca_ros.evolution.config import RunConfig
 EXPERIMENTS = CONFIG / 'experiments'
 
 GOOD = {'shape': 'worm', 'architecture': 'U-D', 'neuron_model': 'mlp'}
+SHORT = '{shape: worm, architecture: U-D, neuron_model: mlp'
 
 
 def runs_of(tmp_path, values):
     path = tmp_path / 'campaign.yaml'
     path.write_text(values if isinstance(values, str) else yaml.safe_dump(values))
     return read_campaign(path)
+
+
+def test_the_defaults_are_those_of_evolve(tmp_path):
+    named = {'shape': 'worm', 'architecture': 'U-D', 'neuron_model': 'mlp'}
+    assert runs_of(tmp_path, named) == [RunConfig.named(**named)]
 
 
 def test_the_papers_main_campaign():
@@ -110,6 +116,12 @@ def test_cases_are_products_of_their_lists_and_the_shared_ones(tmp_path):
         ([GOOD], ['campaign', 'keys and values']),
         ('a: b: c', ['file', 'a campaign']),
         ('', ['campaign', 'keys and values']),
+        ('shape: worm\nseed: 1\nseed: 2', ['seed', 'lines 2 and 3']),
+        ({**GOOD, 'shape': ''}, ['morphology', "''"]),
+        (f'{SHORT}, seed: 0100}}', ['seed', "'0100'"]),
+        (f'{SHORT}, evaluations: 1_000}}', ['evaluations', "'1_000'"]),
+        (f'{SHORT}, shape: 0111-11}}', ['lines 1']),
+        ({**GOOD, 'seed': 2**32}, ['seed', '4294967296']),
     ],
 )
 def test_bad_files_are_refused(tmp_path, values, words):
@@ -117,6 +129,11 @@ def test_bad_files_are_refused(tmp_path, values, words):
         runs_of(tmp_path, values)
     assert str(error.value).startswith(str(tmp_path / 'campaign.yaml'))
     assert all(word in str(error.value) for word in words)
+
+
+def test_grids_are_read_as_they_are_written(tmp_path):
+    runs = runs_of(tmp_path, f'{SHORT.replace("worm", "[0111, 111, 1111-1001]")}}}')
+    assert {run.shape for run in runs} == {'0111', '111', '1111-1001'}
 
 
 def test_missing_file():

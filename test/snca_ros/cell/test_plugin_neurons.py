@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from support.limits import LIMIT
 from support.plugin_neurons import Pacemaker
 
 from sim_node.errors import InvalidInput
@@ -155,7 +156,7 @@ def test_a_file_that_names_an_unknown_model_is_refused_and_imports_nothing(tmp_p
         'print("support.plugin_neurons" in sys.modules)'
     )
     result = subprocess.run(
-        [sys.executable, '-c', code], cwd=tmp_path, capture_output=True, text=True, timeout=60,
+        [sys.executable, '-c', code], cwd=tmp_path, capture_output=True, text=True, timeout=LIMIT,
         check=False,
     )
     text, imported = result.stdout.strip().split('\n')

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from support.processes import LIMIT, wait_until
+from support.limits import LIMIT
+from support.processes import wait_until
 from support.tiny_campaign import (
     TINY,
     contents,
@@ -101,6 +102,10 @@ def test_every_setting_of_a_run_has_a_column():
     assert settings - {*COLUMNS} == {'uniform', 'directional', 'solver', *others}
 
 
+def speed(trial, **changes):
+    return score(replace(trial, **changes)).score
+
+
 def test_speeds_are_those_of_the_controller(file, whole):
     configs = {config.name: config for config in read_campaign(file)}
     for name, row in rows_of(whole).items():
@@ -108,14 +113,14 @@ def test_speeds_are_those_of_the_controller(file, whole):
         best = load_controller(whole / 'results' / 'controllers' / f'{name}.npz')
         trial = Trial(best, 'flat', duration=1.0, transient=0.2)
         assert row['chosen_by'] == best.chosen_by == config.engine
-        assert float(row['v_x_end']) == best.fitness == score(replace(trial, engine=config.engine))
-        assert float(row['v_x_other']) == score(replace(trial, engine=config.other_engine))
+        assert float(row['v_x_end']) == best.fitness == speed(trial, engine=config.engine)
+        assert float(row['v_x_other']) == speed(trial, engine=config.other_engine)
         history = (whole / 'runs' / name / 'history.csv').read_text().splitlines()
         assert row['v_x_end'] == history[-1].split(',')[-1]
         unseen = [float(row[kind]) for kind in UNSEEN_KINDS]
-        assert unseen[3] == score(replace(trial, terrain=UNSEEN_TERRAINS[3]))
+        assert unseen[3] == speed(trial, terrain=UNSEEN_TERRAINS[3])
         assert float(row['v_x_unseen']) == pytest.approx(np.mean(unseen))
-        pushed = [score(replace(trial, start=i)) for i in range(1, 21)]
+        pushed = [speed(trial, start=i) for i in range(1, 21)]
         assert row['starts'] == '1-20'
         assert float(row['v_x_pushed_mean']) == np.mean(pushed)
         assert float(row['v_x_pushed_std']) == pytest.approx(np.std(pushed, ddof=1))
@@ -132,18 +137,20 @@ def test_robust_controller_has_the_best_mean_of_the_last_whole_population(file, 
         folder.close()
         assert len(individuals) == 8
         evaluator = Evaluator(config)
-        means = np.mean([evaluator(individuals, start) for start in range(1, 21)], axis=0)
+        means = np.mean([
+            [one.score for one in evaluator(individuals, start)] for start in range(1, 21)
+        ], axis=0)
         place = int(row['robust_rank']) - 1
         assert means[place] == means.max() == float(row['v_x_robust_chosen'])
         robust = load_controller(whole / 'results' / 'controllers' / f'{name}-robust.npz')
         assert robust.parameters.tolist() == individuals[place].tolist()
         assert robust.fitness == fitness[place] == robust.scores[config.engine]
         trial = Trial(robust, 'flat', duration=1.0, transient=0.2)
-        pushed = [score(replace(trial, start=i)) for i in range(101, 121)]
+        pushed = [speed(trial, start=i) for i in range(101, 121)]
         assert row['robust_starts'] == '101-120'
         assert float(row['v_x_robust_mean']) == np.mean(pushed)
         assert float(row['v_x_robust_std']) == pytest.approx(np.std(pushed, ddof=1))
-        unseen = [score(replace(trial, terrain=terrain)) for terrain in UNSEEN_TERRAINS]
+        unseen = [speed(trial, terrain=terrain) for terrain in UNSEEN_TERRAINS]
         assert float(row['v_x_robust_unseen']) == np.mean(unseen)
 
 
@@ -309,6 +316,33 @@ def test_results_in_use_are_refused(file, tmp_path, capsys):
     err = capsys.readouterr().err
     assert err.count('\n') == 1
     assert 'no other process' in err
+
+
+def test_files_of_others_in_the_results_folder_are_kept(tmp_path):
+    temporary = '.results.csv.snca-0123456789abcdef.tmp'
+    others = ['.notes.tmp', '.results.csv.ab12cd.tmp', 'mail/.draft.tmp', f'other/{temporary}',
+              'histories/.a.csv.ab12cd.tmp', f'controllers/{temporary}']
+    own = [temporary, 'histories/.a.csv.snca-0123456789abcdef.tmp',
+           'controllers/.a-robust.npz.snca-0123456789abcdef.tmp']
+    for name in (*others, *own):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text('text')
+    (tmp_path / '.lock').write_text('of others')
+    Results(tmp_path).close()
+    assert contents(tmp_path).keys() == {*others}
+    assert (tmp_path / '.lock').read_text() == 'of others'
+
+
+def test_scheduler_that_does_not_answer_leaves_nothing_behind(file, tmp_path, monkeypatch, capsys):
+    pytest.importorskip('distributed')
+    monkeypatch.setattr('snca_ros.evolution.workers._ANSWER_LIMIT', 0.2)
+    monkeypatch.chdir(tmp_path)
+    for command in (['campaign', str(file)], ['evolve', '--shape', 'worm']):
+        for address in ('junk', '', 'tcp://127.0.0.1:1'):
+            assert cli.main([*command, '--scheduler', address]) == 2
+            err = capsys.readouterr().err
+            assert f'scheduler: got {address!r}, expected the address of a Dask' in err
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,8 @@ from concurrent.futures import BrokenExecutor
 
 import numpy as np
 import pytest
-from support.processes import LIMIT, wait_until
+from support.limits import LIMIT
+from support.processes import wait_until
 from support.tiny_campaign import (
     ROOT,
     contents,

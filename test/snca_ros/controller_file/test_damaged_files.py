@@ -8,6 +8,7 @@ import json
 import os
 import pickle
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,10 @@ from hypothesis import strategies as st
 from support.controller_files import THETA, assert_same, make, quick, refusal, write
 
 from sim_node.errors import InvalidInput
-from snca_ros.controller_file import load_controller, save_controller
+from sim_node.model.body_file import MOST_PARAMETERS
+from sim_node.model.morphology import parse_morphology
+from snca_ros.cell.architecture import Architecture
+from snca_ros.controller_file import TrainedController, load_controller, save_controller
 
 
 def test_truncated_anywhere(path):
@@ -95,13 +99,26 @@ def test_unreadable_file(path):
 def test_oversized_file(path):
     save_controller(path, make())
     with path.open('r+b') as file:
-        file.truncate(64 * 2**20 + 1)
-    assert refusal(path) == f"file: got '{64 * 2**20 + 1} bytes', expected at most {64 * 2**20}"
+        file.truncate(65 * 2**20 + 1)
+    assert refusal(path) == f"file: got '{65 * 2**20 + 1} bytes', expected at most {65 * 2**20}"
+
+
+def test_largest_file_can_be_read(path):
+    cells = Architecture.named('nU-nD', 'mlp', hidden=(1024, 1024))
+    theta = np.zeros(cells.n_parameters(7))
+    assert 0.89 * MOST_PARAMETERS < len(theta) < MOST_PARAMETERS
+    trained = TrainedController(cells, parse_morphology('worm-7x1'), theta)
+    save_controller(path, trained)
+    assert load_controller(path).parameters.shape == theta.shape
+    larger = replace(trained, parameters=np.zeros(MOST_PARAMETERS + 1))
+    with pytest.raises(InvalidInput, match=f'parameters: got {MOST_PARAMETERS + 1}, expected'):
+        save_controller(path.with_name('larger.npz'), larger)
+    assert not path.with_name('larger.npz').exists()
 
 
 def test_small_file_of_large_content(path, header):
-    # 65 MB of zeros, compressed to less than 0.1 MB.
-    zeros = np.zeros(65 * 2**20, dtype=np.uint8)
+    # 66 MB of zeros, compressed to less than 0.1 MB.
+    zeros = np.zeros(66 * 2**20, dtype=np.uint8)
     np.savez_compressed(path, header=np.array(json.dumps(header)), theta=zeros)
     assert path.stat().st_size < 2**17
     assert 'at most' in refusal(path)

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support.controller_files import THETA, json_values, quick, refusal, write
+from support.limits import LIMIT
 from support.paths import ROOT
-from support.processes import LIMIT
 
 from sim_node.engine import ENGINES
 from sim_node.errors import InvalidInput

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from support.evolve import EVALUATIONS, TASK, Here, command, environment, evolve
-from support.processes import LIMIT
+from support.limits import LIMIT
 
 
 @pytest.fixture(scope='module', autouse=True)

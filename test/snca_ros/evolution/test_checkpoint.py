@@ -4,7 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from support.evolve import arrays_of, contents_of, evolve
+import yaml
+from support.evolve import EVALUATIONS, arrays_of, contents_of, evolve
 
 from sim_node.errors import InvalidInput
 from snca_ros.evolution.checkpoint import RunFolder
@@ -57,6 +58,8 @@ def damaged_checkpoints() -> dict[str, Callable[[dict], object]]:
         'population not sorted': with_('population_fitness', lambda a: a[::-1]),
         'other engine twice': with_('other_engine', lambda a: np.tile(a, 2)),
         'other engine of text': with_('other_engine', lambda a: a.astype(str)),
+        'config of another kind': lambda arrays: {**arrays, 'config': np.zeros(3)},
+        'config cut': with_('config', lambda a: np.array(str(a)[:200])),
         'unknown entry': lambda arrays: {**arrays, 'more': np.zeros(1)},
     }
 
@@ -102,3 +105,34 @@ def test_truncated_checkpoint(begun, part):
             folder.load()
     finally:
         folder.close()
+
+
+def load(folder):
+    opened = RunFolder.resume(folder)
+    try:
+        return opened.load()
+    finally:
+        opened.close()
+
+
+def test_config_edited_under_its_checkpoint_is_refused(begun):
+    path = begun / 'config.yaml'
+    values = yaml.safe_load(path.read_text())
+    for key, other in (('shape', 'worm-6x1'), ('seed', 4), ('terrain', 'uphill-10'),
+                       ('evaluations', 1000), ('solver', {**values['solver'], 'substeps': 2})):
+        path.write_text(yaml.safe_dump({**values, key: other}))
+        before = contents_of(begun)
+        with pytest.raises(InvalidInput, match=rf'config\.yaml: {key}: got .* the run began$'):
+            load(begun)
+        assert contents_of(begun) == before
+    path.write_text(f'# a comment\n{yaml.safe_dump(values)}')  # the same settings
+    assert load(begun).evaluations == EVALUATIONS
+
+
+def test_checkpoint_of_an_earlier_version_has_no_config(begun):
+    path = begun / 'checkpoint.npz'
+    arrays = arrays_of(path)
+    assert 'config' in arrays
+    del arrays['config']
+    np.savez(path, **arrays)
+    assert load(begun).evaluations == EVALUATIONS

@@ -1,5 +1,6 @@
 """The config file of a run: written, read, damaged."""
 
+import numpy as np
 import pytest
 import yaml
 from hypothesis import given, settings
@@ -7,10 +8,11 @@ from hypothesis import strategies as st
 from support.evolve import assert_one_line, contents_of, evolve
 
 from sim_node.errors import InvalidInput
+from sim_node.model.body_file import MOST_PARAMETERS
 from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.config import RunConfig
 
-GOOD = {'shape': 'worm', 'architecture': Architecture.named('U-nD', 'snn-h').to_dict()}
+GOOD = yaml.safe_load(RunConfig('worm', Architecture.named('U-nD', 'snn-h')).to_yaml())
 
 
 def test_damaged_config_as_a_process(begun):
@@ -30,14 +32,13 @@ def test_damaged_config_as_a_process(begun):
         ('[1, 2]', ['config']),
         ('shape: worm', ['architecture', 'None']),
         ('architecture: {}', ['shape', 'None']),
-        ('shape: worm\narchitecture: 3', ['architecture', '3']),
-        ('shape: worm\narchitecture: {}', ['architecture.uniform', 'None']),
-        ('shape: worm\narchitecture: {1: 2}', ['architecture', '1']),
+        ('shape: worm\narchitecture: {}', ['terrain', 'None']),
+        ('shape: worm\nshape: biped', ['shape', 'lines 1 and 2', 'once']),
         ('shape: [', ['file']),
         ('a: b: c', ['file']),
         ('\t', ['file']),
         ('!!python/object/apply:os.getcwd []', ['file']),
-        ('shape: 2001-99-99', ['file']),
+        ('shape: 2001-99-99', ['architecture', 'None']),
         (f'seed: {"9" * 5000}', ['file']),
         ('[' * 5000, ['file']),
         ('shape: \x00', ['file']),
@@ -66,9 +67,9 @@ WRONG = {
     'shape': [None, 11111, ['worm'], 'bipd'],
     'terrain': [None, 3, 'hily-1-10-0'],
     'evaluations': [None, 0, 1.5, True, '10', 10**400],
-    'seed': [None, -1, 1.5, True, 2**63],
+    'seed': [None, -1, 1.5, True, 2**32],
     'population': [None, 3, 36.0, False],
-    'sigma': [None, -1, float('nan'), 'x', True, 10**400],
+    'sigma': [None, 0, -1, float('nan'), 'x', True, 10**400],
     'duration': [None, 0, float('inf'), '30'],
     'transient': [None, -1, 31, float('nan')],
     'engine': [None, 3, [], 'batch'],
@@ -152,6 +153,45 @@ def test_config_goes_both_ways(tmp_path):
     path = tmp_path / 'config.yaml'
     for shape, model in (('biped', 'snn'), ('11111', 'mlp'), ('1001-1111', 'snn-h')):
         architecture = Architecture.named('nU-D', model, n_c=2, hidden=(5, 3), as_printed=True)
-        config = RunConfig(shape, architecture, 'hilly-0.5-10-3', seed=2**63 - 1, sigma=0.1)
+        config = RunConfig(shape, architecture, 'hilly-0.5-10-3', seed=2**32 - 1, sigma=0.1)
         path.write_text(config.to_yaml())
         assert RunConfig.from_yaml(path) == config
+
+
+def test_config_that_was_cut_is_refused(tmp_path):
+    path, text = tmp_path / 'config.yaml', RunConfig.named().to_yaml()
+    for end in range(len(text) - 1):  # without its last line break it is whole
+        path.write_text(text[:end])
+        with pytest.raises(InvalidInput, match=r'config\.yaml: '):
+            RunConfig.from_yaml(path)
+    path.write_text(text.removeprefix('task: walk\n'))  # as earlier versions wrote it
+    assert RunConfig.from_yaml(path) == RunConfig.named()
+
+
+def test_numbers_and_texts_of_numpy_are_written_as_those_of_python():
+    config = RunConfig.named(np.str_('worm'), sigma=np.float64(0.1))
+    assert config.to_yaml() == RunConfig.named('worm', sigma=0.1).to_yaml()
+
+
+def test_more_parameters_than_a_controller_file_holds_are_refused():
+    case = {'shape': 'biped', 'architecture': 'nU-nD', 'neuron_model': 'mlp'}
+    assert RunConfig.named(**case, hidden=(512, 512)).n_parameters < MOST_PARAMETERS
+    with pytest.raises(InvalidInput, match=r'parameters: got .*, expected at most 8388608'):
+        RunConfig.named(**case, hidden=(1024, 1024))
+
+
+def test_names_of_runs_fit_into_the_names_of_their_files():
+    rows = ['1' * 64] * 64
+    grids = ['-'.join(rows), '-'.join([*rows[:-1], '1' * 63 + '0'])]
+    names = {RunConfig.named(grid, seed=seed).name for grid in grids for seed in (0, 1)}
+    assert len(names) == 4
+    assert max(map(len, names)) <= 255 - len('-robust.npz')
+
+
+def test_seeds_have_random_numbers_of_their_own():
+    seeds = [*range(40), 2**16, 2**31, 2**32 - 1]
+    first = [RunConfig.named('worm', seed=seed).new_strategy().ask()[0, 0] for seed in seeds]
+    assert len(set(first)) == len(seeds)
+    # A generator takes seeds from 2^32 on as two numbers, as which it takes seed and generation.
+    with pytest.raises(InvalidInput, match='seed: got 4294967296, expected an integer from 0 to'):
+        RunConfig.named('worm', seed=2**32)

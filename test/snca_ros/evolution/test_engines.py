@@ -56,7 +56,7 @@ def test_scores_are_those_of_each_alone(whole):
     for theta, fitness in zip(
         progress.strategy['individuals'][:3], progress.strategy['fitness'], strict=False
     ):
-        assert evaluator(theta[np.newaxis]) == [fitness]
+        assert evaluator(theta[np.newaxis])[0].score == fitness
 
 
 @pytest.mark.parametrize('engine', ['batched', 'pymunk'])
@@ -70,7 +70,9 @@ def test_best_is_that_of_the_runs_engine_and_walks_once_in_the_other(whole, tmp_
     assert trained.parameters.tolist() == best[0].tolist()
     assert trained.chosen_by == engine
     assert trained.fitness == progress.strategy['fitness'].max() == progress.history[-1][-1]
-    assert trained.scores == {e: Evaluator(replace(CONFIG, engine=e))(best)[0] for e in ENGINES}
+    assert trained.scores == {
+        e: Evaluator(replace(CONFIG, engine=e))(best)[0].score for e in ENGINES
+    }
 
 
 def test_last_whole_population_outlives_a_generation_that_the_budget_cuts(whole):
@@ -211,7 +213,9 @@ def test_pushed_starts_are_those_of_the_simulation(engine):
     config = replace(CONFIG, engine=engine)
     thetas = np.random.default_rng(0).uniform(-1.0, 1.0, (3, config.n_parameters))
     pushes = (0, 3, 101, 0)
-    found = [list(evaluate(IN_PROCESS, config, thetas, push)) for push in pushes]
+    found = [
+        [one.score for one in evaluate(IN_PROCESS, config, thetas, push)] for push in pushes
+    ]
     for push, of_push in zip(pushes, found, strict=True):
         simulation = Simulation('worm-3x1', engine=engine, push=push)
         controllers = [Controller(config.architecture, simulation.morphology, t) for t in thetas]

@@ -8,7 +8,7 @@ from support.evolve import EVALUATIONS, FILES, TASK, arrays_of, assert_same_run,
 from sim_node.simulation import Simulation
 from snca_ros.cell.architecture import Architecture
 from snca_ros.controller_file import load_controller
-from snca_ros.evolution.checkpoint import HISTORY
+from snca_ros.evolution.checkpoint_arrays import HISTORY
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.episode import run_episode
 

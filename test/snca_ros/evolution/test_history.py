@@ -14,7 +14,8 @@ from snca_ros.bundled import bundled_controllers
 from snca_ros.cell.architecture import Architecture
 from snca_ros.cli import main
 from snca_ros.command_line import BAD_INPUT
-from snca_ros.evolution.checkpoint import HISTORY, RunFolder
+from snca_ros.evolution.checkpoint import RunFolder
+from snca_ros.evolution.checkpoint_arrays import HISTORY
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evolve import evolve
 from snca_ros.evolution.figures import draw_histories

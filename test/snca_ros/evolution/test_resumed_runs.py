@@ -20,7 +20,8 @@ from support.evolve import (
     freeze_midway,
     history_of,
 )
-from support.processes import LIMIT, is_alive, offspring, wait_until_gone
+from support.limits import LIMIT
+from support.processes import is_alive, offspring, wait_until_gone
 
 from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.checkpoint import RunFolder
@@ -114,19 +115,21 @@ def test_kill_between_checkpoint_and_what_is_made_from_it(whole, begun, lost, ho
 
 
 def test_what_a_kill_left_half_written_is_cleared_away(begun):
-    (begun / '.checkpoint.npz.ab12cd.tmp').write_bytes(b'PK\x03\x04 half of')
+    (begun / '.checkpoint.npz.snca-0123456789abcdef.tmp').write_bytes(b'PK\x03\x04 half of')
+    (begun / '.checkpoint.npz.ab12cd.tmp').touch()  # of another program
     folder = RunFolder.resume(begun)
     try:
         folder.load()
     finally:
         folder.close()
-    assert sorted(p.name for p in begun.iterdir() if p.name != '.lock') == VISIBLE
+    left = sorted(p.name for p in begun.iterdir() if p.name != '.lock')
+    assert left == ['.checkpoint.npz.ab12cd.tmp', *VISIBLE]
 
 
 def test_folder_of_a_run_killed_before_its_config_can_be_used_again(tmp_path):
     config = RunConfig('worm', Architecture.named('U-nD', 'snn-h'))
     (tmp_path / '.lock').touch()
-    (tmp_path / '.config.yaml.ab12cd.tmp').write_text('shape: wo')
+    (tmp_path / '.config.yaml.snca-0123456789abcdef.tmp').write_text('shape: wo')
     RunFolder.create(tmp_path, config).close()
     assert RunConfig.from_yaml(tmp_path / 'config.yaml') == config
 

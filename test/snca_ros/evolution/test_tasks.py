@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 from support.evolve import ROOT, assert_same_run
-from support.processes import LIMIT
+from support.limits import LIMIT
 
 import snca_ros as snca
 from sim_node.batched.engine import Robots
@@ -243,7 +243,7 @@ def test_a_task_evolves_is_saved_loaded_and_assessed(engine, task, tmp_path):
         kept = {record: rows[record] for record in TASKS[task].records}
         expected = TASKS[task].score(Episode(centers, False, records=kept), 0.2)
         assert found == expected
-        assert score(Trial(trained, 'flat', name, duration=1.0, transient=0.2)) == expected
+        assert score(Trial(trained, 'flat', name, duration=1.0, transient=0.2)).score == expected
     assert trained.fitness == trained.scores[engine] == progress.history[-1][-1]
     assert len({row[2:5] for row in progress.history}) == len(progress.history) == 4
     assert RunConfig.from_yaml(tmp_path / 'run' / 'config.yaml') == config
@@ -253,9 +253,12 @@ def test_a_task_evolves_is_saved_loaded_and_assessed(engine, task, tmp_path):
 
 def test_the_task_decides_which_robot_is_the_best():
     several = parameters_of(CONFIG.simulation().morphology, 20)
-    order = {
-        task: np.argsort(list(evaluate(IN_PROCESS, replace(CONFIG, task=task), several))).tolist()
+    scored = {
+        task: list(evaluate(IN_PROCESS, replace(CONFIG, task=task), several))
         for task in ('walk', 'jump', 'hover')
+    }
+    order = {
+        task: np.argsort([one.score for one in found]).tolist() for task, found in scored.items()
     }
     assert order['walk'] != order['jump'] != order['hover'] != order['walk']
 
@@ -429,7 +432,7 @@ def test_assess_names_the_column_after_the_quantity(plugin, tmp_path, faults):
     with (tmp_path / 'table.csv').open() as file:
         row = next(csv.DictReader(file))
     assert list(row)[-1] == 'rise'
-    assert float(row['rise']) == score(Trial(trained, 'flat', duration=5.1))
+    assert float(row['rise']) == score(Trial(trained, 'flat', duration=5.1)).score
 
 
 def test_assess_refuses_controllers_of_several_tasks(tmp_path, capsys):

@@ -76,3 +76,15 @@ def test_voxels_of_a_share_know_all_their_neighbours(tmp_path):
     there = replace(share, simulation=None, recorder=None)
     assert there.processes == there.voxels
     assert 'sim_node' not in there.parameters_yaml()
+
+
+@pytest.mark.parametrize(('controller', 'bag', 'field'), [
+    ('c\udcff.npz', '', 'controller'), ('c.npz', 'b\udcff', 'bag'),
+])
+def test_a_path_that_no_ros_parameter_can_hold_is_refused(controller, bag, field):
+    morphology, architecture = parse_morphology('11-10'), Architecture.named('U-nD', 'snn-h')
+    trained = TrainedController(
+        architecture, morphology, np.zeros(architecture.n_parameters(morphology.n_voxels))
+    )
+    with pytest.raises(InvalidInput, match=f'{field}: got .*udcff.*a path in UTF-8'):
+        describe_graph(controller, trained, WalkOptions(bag=bag))

@@ -1,6 +1,7 @@
 import threading
 
 import pytest
+from support.limits import LIMIT
 
 from snca_ros.graph.network import await_network
 
@@ -32,10 +33,10 @@ def test_names_the_interfaces_that_are_down(interfaces, capfd):
 
 def test_waits_until_an_interface_is_up(interfaces, capfd):
     folder = interfaces(eth0='down')
-    waiting = threading.Thread(target=await_network, args=(folder, 60.0))
+    waiting = threading.Thread(target=await_network, args=(folder, LIMIT))
     waiting.start()
     assert waiting.is_alive()
     (folder / 'eth0' / 'operstate').write_text('up\n')
-    waiting.join(60.0)
+    waiting.join(LIMIT)
     assert not waiting.is_alive()
     assert capfd.readouterr().err == ''

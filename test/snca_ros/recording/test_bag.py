@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import synthetic_bag
+from support.limits import LIMIT
 from support.synthetic_bag import (
     STORAGES,
     TYPES,
@@ -203,12 +204,6 @@ def test_diagnostics_are_summed_over_the_processes_of_a_node(tmp_path):
     assert health.values['steps per second'] == 60.0
 
 
-def test_broken_diagnostics_are_refused(tmp_path):
-    messages = messages_of_walk(make_walk(3))
-    messages[0].append(('/diagnostics', clock(3)))
-    assert '/diagnostics' in refused(write_messages(tmp_path / 'bag', messages))
-
-
 def test_a_message_recorded_twice_counts_once(tmp_path):
     messages = messages_of_walk(make_walk(N_STEPS))
     messages[4] = messages[4] + messages[4]
@@ -318,6 +313,19 @@ def test_what_a_killed_recorder_had_not_committed_is_taken_back(tmp_path, monkey
 
 
 @pytest.mark.parametrize('storage', STORAGES)
+@pytest.mark.parametrize('closed', [True, False])
+def test_a_path_may_have_characters_of_uris(tmp_path, storage, closed):
+    walk = make_walk(N_STEPS)
+    path = write_messages(tmp_path / 'bag', messages_of_walk(walk), storage)
+    path = path.rename(tmp_path / 'a#b?mode=rw&c=%41')
+    if not closed:
+        (path / 'metadata.yaml').unlink()
+    bag = read_bag(path)
+    assert bag.closed is closed
+    np.testing.assert_array_equal(bag.centers, walk.centers)
+
+
+@pytest.mark.parametrize('storage', STORAGES)
 def test_metadata_is_not_needed(tmp_path, storage):
     walk = make_walk(N_STEPS)
     path = write_messages(tmp_path / 'bag', messages_of_walk(walk), storage)
@@ -408,7 +416,6 @@ FOREIGN = {
         [('/biped/odometry', odometry(0, np.zeros(2))), (voxel('spikes'), clock(3))],
         'rosgraph_msgs/msg/Clock',
     ),
-    'values, too': ([(voxel('values'), image(3, '', '64FC1', np.zeros((4, 1))))], 'one of them'),
 }
 WRONG = {
     'stamp': ('/biped/odometry', bad_stamp()),
@@ -474,4 +481,4 @@ def test_recordings_and_films_need_no_ros():
     )
     imports = '; '.join(f'import snca_ros.{name}' for name in modules)
     code = f'import sys; sys.modules["rclpy"] = None; {imports}'
-    subprocess.run([sys.executable, '-c', code], check=True, timeout=60)
+    subprocess.run([sys.executable, '-c', code], check=True, timeout=LIMIT)

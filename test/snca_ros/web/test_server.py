@@ -8,6 +8,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from support.limits import LIMIT
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
@@ -34,7 +35,7 @@ def server():
 
 def ask(server, path='/', **headers):
     """Return status and body of a GET."""
-    connection = http.client.HTTPConnection(urlsplit(server.address).netloc, timeout=10)
+    connection = http.client.HTTPConnection(urlsplit(server.address).netloc, timeout=LIMIT)
     try:
         connection.request('GET', path, headers=headers)
         response = connection.getresponse()
@@ -44,7 +45,7 @@ def ask(server, path='/', **headers):
 
 
 def open_socket(server, origin):
-    return connect(server.address.replace('http', 'ws'), origin=origin, open_timeout=10)
+    return connect(server.address.replace('http', 'ws'), origin=origin, open_timeout=LIMIT)
 
 
 def frame(step, **changes):
@@ -79,9 +80,9 @@ def test_foreign_origins_are_refused(server, origin):
 def test_frames_are_sent_and_commands_received(server):
     with open_socket(server, server.address.rstrip('/')) as socket:
         socket.send('{"action": "kill"}')
-        assert server.commands.get(timeout=10) == {'action': 'kill'}
+        assert server.commands.get(timeout=LIMIT) == {'action': 'kill'}
         server.send({'step': 1})
-        assert json.loads(socket.recv(timeout=10)) == {'step': 1}
+        assert json.loads(socket.recv(timeout=LIMIT)) == {'step': 1}
 
 
 @pytest.mark.parametrize('text', ['no json', '[' * 5000])
@@ -90,9 +91,9 @@ def test_a_client_that_sends_nonsense_is_disconnected_and_others_are_not(server,
         with open_socket(server, server.address.rstrip('/')) as socket:
             socket.send(text)
             with pytest.raises(ConnectionClosed):
-                socket.recv(timeout=10)
+                socket.recv(timeout=LIMIT)
         other.send('{}')
-        assert server.commands.get(timeout=10) == {}
+        assert server.commands.get(timeout=LIMIT) == {}
 
 
 def test_a_port_in_use_is_refused(server):
@@ -106,7 +107,7 @@ def test_a_port_in_use_is_refused(server):
 def test_a_connection_lost_without_a_close_frame_is_no_error(server, caplog):
     with open_socket(server, server.address[:-1]) as socket:
         socket.send('{}')
-        assert server.commands.get(timeout=10) == {}
+        assert server.commands.get(timeout=LIMIT) == {}
         socket.socket.shutdown(SHUT_RDWR)
     server.close()  # waits for the task that serves the connection
     assert [record.getMessage() for record in caplog.records if record.levelno >= ERROR] == []
@@ -133,7 +134,7 @@ def test_the_page_follows_a_walk_and_commands(server, browser):
     for action in ('kill', 'revive', 'noise'):
         page.click(f'#{action}')
         wanted = {'action': action, 'voxel': 'voxel_0_1'}
-        assert server.commands.get(timeout=10) == wanted
+        assert server.commands.get(timeout=LIMIT) == wanted
     page.keyboard.press('Home')
     server.send(frame(122, health={'voxel_0_1': [2, 'killed']}))
     page.wait_for_function('player.walk.duration > 2')
