@@ -4,6 +4,7 @@ import argparse
 import re
 import signal
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from datetime import datetime
@@ -28,6 +29,9 @@ from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.episode import run_episode
 from snca_ros.faults import FAULTS_HELP, Faults, parse_faults
 from snca_ros.files import BAGS
+from snca_ros.firmware.boards import BOARDS
+from snca_ros.firmware.build import build_devices, parse_boards, parse_devices
+from snca_ros.firmware.lines import EXPECTED
 from snca_ros.graph.description import Graph, WalkOptions, describe_graph, robot_name
 from snca_ros.graph.live_view import LiveView
 from snca_ros.graph.lookout import Lookout
@@ -48,6 +52,7 @@ EXAMPLES = """
   snca walk --view                                  # a live page; click voxels to kill them
   snca walk --faults loss=0.3,death=0.5@10,seed=3   # lost messages; half the voxels die at 10 s
   snca walk --engine batched --bag bags/mine --storage sqlite3
+  snca walk --devices emulated:microbit --arithmetic int16   # each cell on its own micro:bit
 """
 
 
@@ -68,6 +73,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--shape', help='shape that the controller must have')
     parser.add_argument('--robot', default='', help='namespace (default: the shape)')
     add_option(parser, WalkOptions, 'voxels_per_process', metavar='K')
+    add_option(parser, WalkOptions, 'arithmetic')
+    parser.add_argument('--device', action='append', default=[], metavar='VOXEL=ADDRESS',
+                        help=f'device that the cell of a voxel is on: {EXPECTED}; one option per '
+                        'voxel')
+    parser.add_argument('--devices', default='', metavar='emulated:BOARD,...',
+                        help='build firmware and run each cell on an emulated board: '
+                        f'{", ".join(BOARDS)}; voxels take several boards in turn')
     parser.add_argument('--faults', default='', metavar='SPEC', help=FAULTS_HELP)
     parser.add_argument('--only', default='', metavar='VOXELS',
                         help='voxels to run, if `snca voxels` runs the others elsewhere: '
@@ -89,7 +101,25 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     check_domain()
     security.check_middleware()
     path = find_controller(args.controller)
-    trained = load_controller(path)
+    trained = load_controller(path).in_arithmetic(args.arithmetic)
+    with tempfile.TemporaryDirectory(prefix='snca_ros_') as place:
+        devices = _devices(args, trained, Path(place, 'firmware'), path.stem)
+        return _run(args, path, trained, devices)
+
+
+def _devices(
+    args: argparse.Namespace, trained: TrainedController, folder: Path, name: str
+) -> dict[str, str]:
+    """Return the addresses of the voxels' devices; build firmware into `folder` if need be."""
+    given = parse_devices(args.device, trained.morphology)
+    if not args.devices:
+        return given
+    return {**build_devices(trained, parse_boards(args.devices), folder, name), **given}
+
+
+def _run(
+    args: argparse.Namespace, path: Path, trained: TrainedController, devices: dict[str, str]
+) -> int:
     if args.json and args.no_bag:
         raise InvalidInput('--json', args.json, 'a walk with a bag, whose report it is')
     if args.duration < 1 / CONTROL_RATE:
@@ -107,6 +137,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         robot, args.terrain, engine, args.duration, factor, args.voxels_per_process,
         only=args.only, bag='' if args.no_bag else str(bag), storage=args.storage, faults=faults,
         simulation={} if port is None else {'recorders': 2 - args.no_bag},
+        arithmetic=args.arithmetic, devices=devices,
     )
     graph = describe_graph(path, trained, options)
     lookout = Lookout(robot, graph.enclave('walk'), 'network' if args.only else 'loopback')

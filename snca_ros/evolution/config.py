@@ -19,6 +19,7 @@ from sim_node.model.terrain import DEFAULT_TERRAIN, TERRAIN_FORM, parse_terrain
 from sim_node.simulation import Simulation
 from snca_ros.cell.architecture import DEFAULT_ARCHITECTURE, Architecture
 from snca_ros.cell.models import DEFAULT_NEURON_MODEL
+from snca_ros.cell.models.arithmetic import DEFAULT_ARITHMETIC
 from snca_ros.evolution.episode import EPISODE, LONGEST, TRANSIENT
 from snca_ros.evolution.strategies import DEFAULT_STRATEGY, STRATEGIES, Strategy
 from snca_ros.evolution.tasks import DEFAULT_TASK, TASKS, check_task
@@ -104,6 +105,8 @@ class RunConfig:
         parts = [self.shape, cell.name, cell.neuron_model]
         if cell.as_printed:
             parts.append('as-printed')
+        if cell.arithmetic != DEFAULT_ARITHMETIC:
+            parts.append(cell.arithmetic)
         if cell.sensors != DEFAULT_SENSORS:
             parts.append(f'sensors-{"+".join(cell.sensors)}')
         if cell.n_c != Architecture.named(cell.name, cell.neuron_model).n_c:

@@ -14,7 +14,9 @@ from sim_node.ros.sim_interface import (
     SENSORS,
 )
 from snca_ros.cell.coding import SNN_STEPS
+from snca_ros.cell.models.arithmetic import ARITHMETICS, DEFAULT_ARITHMETIC
 from snca_ros.faults import FAULTS_OF_CELLS, Faults
+from snca_ros.firmware.lines import EXPECTED
 
 STORAGES = ('mcap', 'sqlite3')
 """Storage formats of bags."""
@@ -59,6 +61,12 @@ class VoxelOptions(Checked):
         False, "step when sensors arrive, without waiting for the neighbours' messages"
     )
     one_walk: bool = flag(False, 'end when the simulation ends')
+    arithmetic: str = choice(
+        DEFAULT_ARITHMETIC, ARITHMETICS, 'arithmetic of the cell, as that of its firmware'
+    )
+    device: str = text_value(
+        '', 'device that the cell is on; empty for a cell in the process of the node', EXPECTED
+    )
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from sim_node.errors import InvalidInput
 from sim_node.ros import topics
 from sim_node.ros.declared_parameters import check_unknown_parameters, declare
 from sim_node.ros.delivery import delivery_statistics
-from sim_node.ros.node_base import RosNode, run_nodes
+from sim_node.ros.node_base import BAD_INPUT, RosNode, run_nodes
 from sim_node.ros.sim_interface import ACTUATION, SENSORS
 from sim_node.ros.simulations import Simulations
 from snca_ros.faults import NO_FAULTS
@@ -53,7 +53,9 @@ class VoxelNode(RosNode):
             self.create_timer(_SIMULATION_PERIOD, self._end_with_simulation)
         check_names(self._voxel, names, self.where())
         self._neighbors = {d: n for d, n in enumerate(names) if n}
-        part = load_own_part(path, self._voxel, faults, self.where())
+        part = load_own_part(
+            path, self._voxel, faults, self.where(), options.arithmetic, options.device
+        )
         self._architecture = part.architecture
         self._core = VoxelCore(
             part, self._neighbors, patience=options.patience, real_time=options.real_time,
@@ -64,7 +66,7 @@ class VoxelNode(RosNode):
         self._duplicate = DuplicateDetector(self, self._voxel)
         self._newest: Subscription | None = None  # only while it joins late, in real time
         self._join_timer = self.create_timer(_JOIN_PAUSE, self._join)
-        # Runs only while a neighbour's message is late: nearly always it arrives before sensors.
+        # Runs only while a neighbour's message or a device's answer is late.
         self._poll_timer = self.create_timer(POLL_PERIOD, self._try_step)
         self._poll_timer.cancel()
         # While no step is made, a flood of messages would push needed ones out of the mailboxes.
@@ -114,9 +116,16 @@ class VoxelNode(RosNode):
 
         While no step is made, a flood of messages would push needed ones out of the mailboxes.
         """
-        if self._core.follow_other_simulation(self.listening.now()):
+        now = self.listening.now()
+        if self._core.follow_other_simulation(now):
             self._use_sensors()
         self._take_messages()
+        if self._core.unanswered:
+            return
+        try:
+            self._core.cell.poll(now)  # lets a device say hello, or finds it again
+        except InvalidInput as error:
+            self._refuse_device(error)
 
     def _subscribe_to_newest(self) -> None:
         """Subscribe to the sensors that are published from now on, besides those of the past."""
@@ -140,8 +149,7 @@ class VoxelNode(RosNode):
             if self._newest:
                 self.destroy_subscription(self._newest)
             if (step := self._core.missed_step) is not None:
-                silence = np.zeros_like(self._core.outbox)
-                self._send_message(self._core.episode, step, silence)
+                self._send_message(self._core.episode, step, np.zeros(self._messages.shape))
             self._try_step()
 
     def _take_messages(self) -> None:
@@ -179,6 +187,8 @@ class VoxelNode(RosNode):
         if not core.unanswered:
             age = self.listening.now() - core.since
             return DiagnosticStatus.OK, f'step {core.step}, sensors received {age:.1f} s ago'
+        if core.cell.busy:
+            return DiagnosticStatus.OK, f'step {core.step} waits for its device'
         if not core.awaited:
             return DiagnosticStatus.OK, f'step {core.step}'
         return DiagnosticStatus.OK, f'step {core.step} waits for {self._names(core.awaited)}'
@@ -191,7 +201,7 @@ class VoxelNode(RosNode):
         topic = topic_name(self._architecture)
         deliveries = {SENSORS.of(self._voxel): self._core.sensors_delivery}
         deliveries |= {f'{self._neighbors[d]}/{topic}': x for d, x in self._core.deliveries.items()}
-        return delivery_statistics(deliveries)
+        return {**delivery_statistics(deliveries), **self._core.cell.counts()}
 
     def _try_step(self) -> None:
         """Step if sensors(k) and all neighbours' messages(k - 1) have arrived; else poll again."""
@@ -199,7 +209,11 @@ class VoxelNode(RosNode):
             return
         self._take_messages()
         now = self.listening.now()
-        answer = self._core.answer(now)
+        try:
+            answer = self._core.answer(now)
+        except InvalidInput as error:
+            self._refuse_device(error)
+            return
         if answer is None:
             self._poll_timer.timer_period_ns = int(self._core.poll_period(now) * 1e9)
             self._poll_timer.reset()
@@ -212,6 +226,14 @@ class VoxelNode(RosNode):
         if answer.newly_silent:
             self.count('times a neighbour fell silent')
         self._publish(answer)
+        if self._core.unanswered:  # by sensors that came before the answer of a device
+            self._try_step()
+
+    def _refuse_device(self, error: InvalidInput) -> None:
+        """End the process, since the device runs other firmware."""
+        if self.exit_code is None:
+            print(f'error: {self.get_fully_qualified_name()}: {error}', file=sys.stderr)
+            self.exit_code = BAD_INPUT
 
     def _publish(self, answer: Answer) -> None:
         self._mismatch.check(answer.episode)
@@ -234,7 +256,8 @@ class VoxelNode(RosNode):
         self._simulation_seen = exists or self._core.step >= 0
 
     def close(self) -> None:
-        """Wait until the subscribers have received what was published."""
+        """Close the line to a device; wait until the subscribers have received what was sent."""
+        self._core.cell.close()
         self.wait_for_readers([self._messages_out, self._actuation_out])
 
 

@@ -5,7 +5,6 @@ it returns.
 """
 
 from collections.abc import Callable, Iterable
-from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +13,9 @@ from sim_node.control_time import START_STEPS
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import OPPOSITE
 from sim_node.ros.delivery import Delivery
-from snca_ros.nodes.episode_choice import EpisodeChoice, Sensors, Simulations
+from snca_ros.nodes.episode_choice import EpisodeChoice, Sensors, SensorsResult, Simulations
 from snca_ros.nodes.inbox import MessageBuffer
+from snca_ros.nodes.own_cell import FaultyCell
 from snca_ros.nodes.own_part import OwnPart
 
 _JOIN_LIMIT = 0.2  # seconds after the first sensors, if there is no pause between them
@@ -24,15 +24,6 @@ _OVERDUE_STEPS = 15  # steps without a message after which the diagnostics name 
 
 POLL_PERIOD = 0.001
 """Initial period [s] of polling for a neighbour's message that is late."""
-
-
-class SensorsResult(Enum):
-    """Whether sensors were accepted; a value is the diagnostics' name of the counter."""
-
-    ACCEPTED = 'accepted sensors'
-    REPEATED = 'repeated sensors'
-    PAST = 'sensors of a past episode'
-    FOREIGN = 'sensors of another simulation'
 
 
 class Answer(NamedTuple):
@@ -70,6 +61,7 @@ class VoxelCore:
         simulations: finds out which simulations exist.
 
     Attributes:
+        cell: the cell with its faults.
         joined: whether it takes part.
         held_back: whether it does not take part because another node publishes for this voxel.
         episodes: the current episode, and which one may follow.
@@ -83,7 +75,7 @@ class VoxelCore:
         self, part: OwnPart, directions: Iterable[int], *, patience: float, real_time: bool,
         horizon: int, simulations: Simulations,
     ) -> None:
-        self._cells, self._faults = part.cells, part.faults
+        self.cell = FaultyCell(part.cell, part.faults, part.architecture)
         self._directional = part.architecture.directional
         self._patience, self._real_time, self._horizon = patience, real_time, horizon
         self.episodes = EpisodeChoice(simulations)
@@ -102,10 +94,10 @@ class VoxelCore:
 
         Messages that neighbours have sent in the new episode already are kept.
         """
-        self._cells.reset()
-        self._faults.reset()
-        self._inbox = self._cells.empty_inbox()
-        self._readings: np.ndarray | None = None  # sensors(k) not yet answered
+        self.cell.reset()
+        self._inbox = self.cell.empty_inbox()
+        self._readings: np.ndarray | None = None  # sensors(k) whose step has not begun
+        self._newly_silent: tuple[int, ...] = ()  # in the step that has begun
         self.step = -1
         self._newest_published: int | None = None
         self.since = self._first_received = now
@@ -231,11 +223,6 @@ class VoxelCore:
         return self.step - 1 if self._waits else None
 
     @property
-    def outbox(self) -> np.ndarray:
-        """Return the message that the cell sent last, (n_destinations, n_c, width)."""
-        return self._cells.outbox[0]
-
-    @property
     def _waits(self) -> bool:
         """Return whether the present step needs messages of the one before."""
         return self.step > 0 and not (self._real_time and self.step >= START_STEPS)
@@ -243,7 +230,7 @@ class VoxelCore:
     @property
     def unanswered(self) -> bool:
         """Return whether there are sensors that the voxel has not answered."""
-        return self._readings is not None
+        return self._readings is not None or self.cell.busy
 
     @property
     def awaited(self) -> list[int]:
@@ -252,7 +239,7 @@ class VoxelCore:
         A neighbour that has sent a message of a later step is not awaited: it was killed while it
         published, and restarted.
         """
-        if not self._waits:
+        if self.cell.busy or not self._waits:
             return []
         return [
             d for d, buffer in self._buffers.items()
@@ -278,26 +265,35 @@ class VoxelCore:
     def answer(self, now: float) -> Answer | None:
         """Step the cell if its inputs are complete; return what to publish, or None.
 
+        A device may answer later. Sensors that arrive meanwhile wait for its answer, as they do in
+        the queue of a busy process; of several, the newest count.
+
         Args:
             now: the time [s].
+
+        Raises:
+            InvalidInput: the device runs other firmware.
         """
-        if self._readings is None or not self.joined:
+        if not self.cell.busy:
+            self._begin_step(now)
+        if (result := self.cell.poll(now)) is None:
             return None
+        step, actuation, outbox = result
+        return Answer(self.episode, step, outbox, actuation, self._newly_silent)
+
+    def _begin_step(self, now: float) -> None:
+        """Begin the step of the newest sensors if the cell's inputs are complete."""
+        if self._readings is None or not self.joined:
+            return
         if newly_silent := tuple(self.awaited):
             # In the first steps neighbours may not have discovered each other yet.
             patience = self._patience if self.step >= START_STEPS else 10.0 * self._patience
             if not patience or now - self.since < patience:
-                return None
+                return
             self._silent.update(newly_silent)
         self._fill_inbox()
-        inbox = self._faults.hear(self.step, self._inbox)
-        if self._faults.dead(self.step):
-            self._cells.reset()  # no spikes, no actuation, and no memory when it revives
-            a = 0.0
-        else:
-            a = self._cells.step_cell(0, self._readings, inbox, self.step)
-        self._readings = None
-        return Answer(self.episode, self.step, self._cells.outbox[0], a, newly_silent)
+        self.cell.begin_step(self.step, self._readings, self._inbox, now)
+        self._readings, self._newly_silent = None, newly_silent
 
     def _fill_inbox(self) -> None:
         """Move the neighbours' messages of the last step into the inbox."""

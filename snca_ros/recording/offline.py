@@ -191,6 +191,14 @@ def mean_thresholds(controller: Controller) -> np.ndarray:
     return thresholds.mean(axis=1)
 
 
+def check_shape_of_bag(recording: Recording, trained: TrainedController) -> None:
+    """Raise InvalidInput if the controller is for another shape than that of the recording."""
+    names = trained.morphology.voxel_names
+    if names != recording.voxel_names:
+        shown, expected = f'{len(names)} voxels', f'the {len(recording.voxel_names)} of the bag'
+        raise InvalidInput('controller', f'{trained.morphology.grid_string}, {shown}', expected)
+
+
 def replayed_thresholds(recording: Recording, trained: TrainedController) -> np.ndarray | None:
     """Return the thresholds of the cells of a recorded walk, by stepping its controller again.
 
@@ -205,10 +213,7 @@ def replayed_thresholds(recording: Recording, trained: TrainedController) -> np.
     Raises:
         InvalidInput: the controller is for another shape.
     """
-    names = trained.morphology.voxel_names
-    if names != recording.voxel_names:
-        shown, expected = f'{len(names)} voxels', f'the {len(recording.voxel_names)} of the bag'
-        raise InvalidInput('controller', f'{trained.morphology.grid_string}, {shown}', expected)
+    check_shape_of_bag(recording, trained)
     controller = trained.controller()
     thresholds = np.full(recording.actuation.shape, np.nan)
     for k, readings in enumerate(recording.readings):

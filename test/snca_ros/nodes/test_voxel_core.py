@@ -11,6 +11,8 @@ from support.voxel_world import NoSimulations
 
 from sim_node.control_time import START_STEPS
 from sim_node.errors import InvalidInput
+from snca_ros.cell.architecture import Architecture
+from snca_ros.nodes.own_cell import LocalCell
 from snca_ros.nodes.own_part import OwnPart
 from snca_ros.nodes.voxel_core import POLL_PERIOD, SensorsResult, VoxelCore
 
@@ -32,9 +34,6 @@ class CellSpy:
 
     def reset(self):
         self.resets += 1
-
-    def empty_inbox(self):
-        return np.zeros((4, 1, 1))
 
     def step_cell(self, i, readings, inbox, step):
         assert i == 0
@@ -59,14 +58,14 @@ class NoFaults:
 
 
 def make_core(patience=0.0, real_time=False, joined=True, faults=None, simulations=None):
-    architecture = SimpleNamespace(directional=False)
-    part = OwnPart(architecture, CellSpy(), faults or NoFaults(), 'reference')
+    architecture, cells = Architecture.named('U-nD', 'mlp', n_c=1), CellSpy()
+    part = OwnPart(architecture, LocalCell(cells), faults or NoFaults(), 'reference')
     core = VoxelCore(
         part, [LEFT, RIGHT], patience=patience, real_time=real_time, horizon=HORIZON,
         simulations=simulations or NoSimulations(),
     )
     core.joined = joined
-    return core, part.cells
+    return core, cells
 
 
 def numbered_message(number):
