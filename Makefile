@@ -44,7 +44,7 @@ oldest:  ## tests of what the oldest supported numpy, matplotlib, scipy and numb
 	$(OLDEST)/bin/python -m pip install -q --disable-pip-version-check -c test/oldest.txt -e . \
 	  pytest pytest-xdist hypothesis
 	$(OLDEST)/bin/python -m pytest -n auto --dist loadfile test/snca_ros/comparison \
-	  test/snca_ros/assessment test/snca_ros/evolution/test_history.py \
+	  test/snca_ros/assessment/test_figures.py test/snca_ros/evolution/test_history.py \
 	  test/sim_node/munk2d/test_soft_spring.py test/sim_node/numerics/test_code_cache.py \
 	  test/sim_node/numerics/test_dispatch.py
 

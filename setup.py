@@ -9,7 +9,7 @@ PACKAGE = 'snca_ros'
 EXECUTABLES = (
     'sim_node', 'voxel_node', 'recorder_node',
     'evolve', 'history', 'walk', 'voxels', 'policy', 'campaign', 'study', 'assess', 'report',
-    'replay', 'render',
+    'replay', 'render', 'firmware',
 )
 
 ROS = ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces']
@@ -58,7 +58,9 @@ setup(
     packages=find_packages(include=['sim_node', 'sim_node.*', 'snca_ros', 'snca_ros.*']),
     package_data={
         'sim_node': ['py.typed'],
-        'snca_ros': ['py.typed', 'web/static/*', 'web/static/uplot/*'],
+        'snca_ros': [
+            'py.typed', 'web/static/*', 'web/static/uplot/*', 'firmware/c/*', 'firmware/c/boards/*',
+        ],
     },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),

@@ -88,10 +88,10 @@ def draw_coding() -> Figure:
     for row, reading in enumerate(readings):
         last, steps = NEVER, []
         for first in range(0, n_steps * SNN_STEPS, SNN_STEPS):
-            train, last = encode(reading, last, first)
+            train, last = encode(SNN_H, reading, last, first)
             steps += [first + h for h in range(SNN_STEPS) if train >> h & 1]
         axes.eventplot(np.array(steps) / SNN_RATE, lineoffsets=row, linelengths=0.6)
-    rates = [SNN_RATE / spike_period(r) for r in readings]
+    rates = [SNN_RATE / spike_period(SNN_H, r) for r in readings]
     labels = [f'r = {r:g}: {f:.1f} Hz' for r, f in zip(readings, rates, strict=True)]
     axes.set_yticks(range(len(readings)), labels)
     axes.set(xlabel='time [s]', title=f'f = r ({F_MAX:g} - {F_MIN:g}) + {F_MIN:g} Hz')

@@ -45,13 +45,14 @@ ROOMS = {
         'What `import snca_ros` offers to Python.',
     ),
     'graph': Room(('snca_ros.graph.*',), ('nodes', 'web')),
-    'nodes': Room(('snca_ros.nodes.*',), ('recording', 'ros')),
+    'nodes': Room(('snca_ros.nodes.*',), ('recording', 'ros', 'firmware')),
     'web': Room(('snca_ros.web.*',), ('recording',)),
     'rendering': Room(('snca_ros.rendering.*',), ('recording',)),
     'comparison': Room(('snca_ros.comparison.*',), ('campaign',)),
     'campaign': Room(('snca_ros.campaign.*',), ('assessment',)),
     'assessment': Room(('snca_ros.assessment.*',), ('recording',)),
     'recording': Room(('snca_ros.recording.*',), ('evolution',)),
+    'firmware': Room(('snca_ros.firmware.*',), ('controller',)),
     'evolution': Room(('snca_ros.evolution.*',), ('controller',)),
     'controller': Room(
         ('snca_ros.controller', 'snca_ros.controller_file', 'snca_ros.faults', 'snca_ros.bundled'),
@@ -82,11 +83,11 @@ ROOMS = {
     'errors': Room(
         (
             'sim_node.errors', 'sim_node.registry', 'sim_node.control_time',
-            'sim_node.message_layout',
+            'sim_node.message_layout', 'sim_node.walls',
         ),
         (),
         'What everything uses: bad input, registries, control steps as time stamps, messages as '
-        'bytes.',
+        'bytes, walls that were met.',
     ),
 }
 """All rooms by name, from the top. A room may import those below it, directly or not.

@@ -23,6 +23,7 @@ from sim_node.model.constants import declaration, describe, value_of
 from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
 from snca_ros.controller_file import load_controller
 from snca_ros.faults import FAULTS_HELP, parse_faults
+from snca_ros.files import write_text
 from snca_ros.graph.child_process import PARENT
 from snca_ros.graph.description import WalkOptions, describe_graph
 
@@ -62,7 +63,7 @@ def _nodes(context):
     )
     graph = describe_graph(path, load_controller(path), options)
     params = Path(tempfile.mkdtemp(prefix='snca_ros_')) / 'params.yaml'
-    params.write_text(graph.parameters_yaml())
+    write_text(params, graph.parameters_yaml())
 
     def clean_up(event, context):
         shutil.rmtree(params.parent, ignore_errors=True)

@@ -29,8 +29,9 @@ class EpisodeNames:
 
     A name is the initial of the physics, the identity of the simulation, and hexadecimal digits
     that change whenever the simulation is reset. Messages of sensors have it in their frame_id,
-    `<voxel>@<episode>`, and voxels copy it into all their messages, so that receivers can discard
-    messages of other episodes and simulations.
+    `<voxel>@<episode>`, those of the applied actuation as `<robot>@<episode>`, and voxels copy it
+    into all their messages, so that receivers can discard messages of other episodes and
+    simulations.
 
     Args:
         physics: one of `sim_node.model.physics.PHYSICS`.
@@ -75,9 +76,9 @@ def physics_of_episode(name: bytes) -> str:
     return UNKNOWN_PHYSICS
 
 
-def frame_of(voxel: str, episode: bytes = EXAMPLE_EPISODE) -> str:
-    """Return the frame_id of a voxel's messages in an episode."""
-    return f'{voxel}@{episode.decode()}'
+def frame_of(sender: str, episode: bytes = EXAMPLE_EPISODE) -> str:
+    """Return the frame_id of a voxel's or a robot's messages in an episode."""
+    return f'{sender}@{episode.decode()}'
 
 
 def episode_of(frame: str) -> bytes:
@@ -85,8 +86,8 @@ def episode_of(frame: str) -> bytes:
     return frame.partition('@')[2].encode()
 
 
-def check_frame(voxel: str, frame: str) -> None:
-    """Raise InvalidInput if `frame` is not a frame_id of this voxel, in any episode."""
+def check_frame(sender: str, frame: str) -> None:
+    """Raise InvalidInput if `frame` is not a frame_id of this voxel or robot, in any episode."""
     found, _, episode = frame.rpartition('@')
-    if found != voxel or len(episode.encode()) != _LENGTH:
-        raise InvalidInput('frame_id', frame, frame_of(voxel, b'<digits>'))
+    if found != sender or len(episode.encode()) != _LENGTH:
+        raise InvalidInput('frame_id', frame, frame_of(sender, b'<digits>'))

@@ -15,21 +15,30 @@ _Field = tuple[str, str]  # name, and numpy type string
 _STAMP: tuple[_Field, ...] = (('sec', '<i4'), ('nanosec', '<u4'))
 
 
-def joint_state(voxel: str, episode: bytes, names: Sequence[str]) -> np.dtype:
-    """Return the layout of a sensor_msgs/JointState with one `position` per name."""
+def joint_state(
+    sender: str, episode: bytes, names: Sequence[str], n_effort: int = 0
+) -> np.dtype:
+    """Return the layout of a sensor_msgs/JointState with one `position` per name.
+
+    Args:
+        sender: first part of its frame_id, the name of a voxel or of a robot.
+        episode: second part of its frame_id.
+        names: its names.
+        n_effort: number of values of `effort`.
+    """
     return _layout(
-        *_header_of_voxel(voxel, episode),
+        *_header_of(sender, episode),
         ('name.size', '<u4'),
         *(field for i, name in enumerate(names) for field in _string(f'name.{i}', name)),
         ('position.size', '<u4'), ('position', f'({len(names)},)<f8'),
-        ('velocity.size', '<u4'), ('effort.size', '<u4'),
+        ('velocity.size', '<u4'), ('effort.size', '<u4'), ('effort', f'({n_effort},)<f8'),
     )
 
 
 def image(voxel: str, episode: bytes, encoding: str, n_bytes: int) -> np.dtype:
     """Return the layout of a sensor_msgs/Image with `n_bytes` bytes of data."""
     return _layout(
-        *_header_of_voxel(voxel, episode),
+        *_header_of(voxel, episode),
         ('height', '<u4'), ('width', '<u4'), *_string('encoding', encoding),
         ('is_bigendian', 'u1'), ('step', '<u4'),
         ('data.size', '<u4'), ('data', f'({n_bytes},)u1'),
@@ -79,9 +88,9 @@ def _marker(frame: str, namespace: str, n_points: int, n_colors: int) -> list[_F
     return [(f'{namespace}_{name}', kind) for name, kind in fields]
 
 
-def _header_of_voxel(voxel: str, episode: bytes) -> list[_Field]:
-    """Return the fields of a std_msgs/Header with frame_id `<voxel>@<episode>`."""
-    before = f'{voxel}@'.encode()
+def _header_of(sender: str, episode: bytes) -> list[_Field]:
+    """Return the fields of a std_msgs/Header with frame_id `<sender>@<episode>`."""
+    before = f'{sender}@'.encode()
     return [
         *_STAMP, ('frame_id.size', '<u4'), ('frame_id', f'S{len(before)}'),
         ('episode', f'({len(episode)},)u1'), ('frame_id.end', 'u1'),

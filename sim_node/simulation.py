@@ -19,12 +19,13 @@ from sim_node.model.body_faults import (
     disturb_readings,
 )
 from sim_node.model.material import Material
+from sim_node.model.meetings import note_meetings, table_of_meetings, walls_of
 from sim_node.model.morphology import Morphology, parse_morphology
 from sim_node.model.sensing import sense_robot, sensing_of_one
 from sim_node.model.sensors import DEFAULT_SENSORS, center_of_mass
 from sim_node.model.solver import Solver
 from sim_node.model.terrain import DEFAULT_TERRAIN, Terrain, parse_terrain
-from sim_node.model.walls import Walls, note_meetings, table_of_meetings, walls_of
+from sim_node.walls import Walls
 
 
 class Diverged(ArithmeticError):

@@ -6,7 +6,7 @@ The body part of the format is read by `sim_node.model.body_file`.
 import functools
 import json
 import subprocess
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -105,6 +105,17 @@ class TrainedController:
         task = TASKS.find(self.task)
         wall = '' if self.wall_time is None else f' (met the wall at {self.wall_time:.2f} s)'
         return f'{task.quantity} {task.in_unit(self.fitness)}{wall}'
+
+    def in_arithmetic(self, name: str) -> 'TrainedController':
+        """Return the controller with cells that compute in another arithmetic.
+
+        Args:
+            name: one of `snca_ros.cell.models.arithmetic.ARITHMETICS`.
+
+        Raises:
+            InvalidInput: there is no such arithmetic, or the neuron model has no equations in it.
+        """
+        return replace(self, architecture=replace(self.architecture, arithmetic=name))
 
     def controller(self, faults: Faults | None = None) -> Controller:
         """Return a controller with all cells of the robot."""

@@ -26,8 +26,8 @@ LOCK = '.lock'
 RESERVE = 16_000_000
 """Bytes that must stay free for a bag: for more than a second of recording, and for closing it."""
 
-RUNS, RESULTS = Path('runs'), Path('results')
-"""Default folders of runs and of the results of campaigns."""
+RUNS, RESULTS, BAGS = Path('runs'), Path('results'), Path('bags')
+"""Default folders of runs, of the results of campaigns, and of bags."""
 
 FIGURE, PAGE = 'report.png', 'replay.html'
 """Default names of files in the folder of a bag or run."""

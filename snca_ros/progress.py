@@ -81,9 +81,8 @@ def fit(text: str, width: int) -> str:
     """Return the part of a line that fits into `width` characters, cut between its parts."""
     if len(text) <= width:
         return text
-    head = text[: width + 1]
-    ends = [head.rfind(separator) for separator in ('  ', ', ', '; ')]
-    end = max(ends) if max(ends) > 0 else head.rfind(' ')
+    ends = [text.rfind(separator, 0, width + 2) for separator in ('  ', ', ', '; ')]
+    end = max(ends) if max(ends) > 0 else text.rfind(' ', 0, width + 1)
     return text[: end if end > 0 else width].rstrip()
 
 

@@ -50,7 +50,7 @@ class Terrain:
 
     @property
     def feet_of_walls(self) -> np.ndarray:
-        """Return the x [m] between which the ground is free of walls, (2,), see `walls`."""
+        """Return the x [m] between which the ground is free of walls, (2,), see `meetings`."""
         return self.x[[1, -2]]
 
     @property

@@ -8,9 +8,9 @@ divisions, without branches, so that loops over them vectorise.
 from sim_node.numerics.jit import compiled_inline
 from sim_node.numerics.lanes import scale_of, select
 
-_LOG2_E = 1.4426950408889634
-_LN2_HIGH, _LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10  # their sum; 20 low bits clear
-_ROUND = 6755399441055744.0  # 1.5 * 2^52: adding it rounds to an integer in the low bits
+LOG2_E = 1.4426950408889634
+LN2_HIGH, LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10  # their sum; 20 low bits clear
+ROUND = 6755399441055744.0  # 1.5 * 2^52: adding it rounds to an integer in the low bits
 _TWO_OVER_PI = 0.6366197723675814
 _HALF_PI_HIGH, _HALF_PI_LOW = 1.57079632673412561417, 6.07710050650619224932e-11
 _SINE = (
@@ -26,7 +26,7 @@ _COSINE = (
 @compiled_inline
 def floor(x):
     """Return the greatest integer not above x, for |x| < 2^51."""
-    nearest = (x + _ROUND) - _ROUND
+    nearest = (x + ROUND) - ROUND
     return select(nearest > x, nearest - 1.0, nearest)
 
 
@@ -36,9 +36,9 @@ def expm1(x):
 
     x = k ln 2 + r with |r| <= ln 2 / 2: 2^k (exp(r) - 1) + (2^k - 1), Taylor's series in r.
     """
-    shifted = x * _LOG2_E + _ROUND
-    k = shifted - _ROUND
-    r = (x - k * _LN2_HIGH) - k * _LN2_LOW
+    shifted = x * LOG2_E + ROUND
+    k = shifted - ROUND
+    r = (x - k * LN2_HIGH) - k * LN2_LOW
     series = 1.0 / 6227020800.0
     series = series * r + 1.0 / 479001600.0
     series = series * r + 1.0 / 39916800.0
@@ -71,7 +71,7 @@ def sine_cosine(angle):
 
     The polynomials on [-pi/4, pi/4] are fdlibm's (Sun Microsystems, 1993).
     """
-    quarters = (angle * _TWO_OVER_PI + _ROUND) - _ROUND
+    quarters = (angle * _TWO_OVER_PI + ROUND) - ROUND
     x = (angle - quarters * _HALF_PI_HIGH) - quarters * _HALF_PI_LOW
     z = x * x
     p = _SINE[1] + z * (_SINE[2] + z * (_SINE[3] + z * (_SINE[4] + z * _SINE[5])))
@@ -80,7 +80,7 @@ def sine_cosine(angle):
     p = _COSINE[0] + z * (_COSINE[1] + z * p)
     w = 1.0 - 0.5 * z
     cosine = w + (((1.0 - w) - 0.5 * z) + z * z * p)
-    quarter = quarters - 4.0 * ((quarters * 0.25 + _ROUND) - _ROUND)  # -2, -1, 0, 1 or 2
+    quarter = quarters - 4.0 * ((quarters * 0.25 + ROUND) - ROUND)  # -2, -1, 0, 1 or 2
     odd = abs(quarter) == 1.0
     s, c = select(odd, cosine, sine), select(odd, sine, cosine)
     s = select((quarter < 0.0) | (quarter == 2.0), -s, s)

@@ -108,11 +108,11 @@ def compiled_callback(signature: Any) -> Callable:
 
 
 def warm_up(name: str, run: Callable[[], T]) -> T:
-    """Return the result of `run`, which uses compiled functions, so that only one of many processes compiles them.
+    """Return the result of `run`; of many processes, only one compiles the functions it uses.
 
     Args:
         name: name of the set of functions, the same in all processes.
-        run: calls the functions once.
+        run: calls or compiles the functions.
     """
     place = folder()
     if place is None or (done := place / f'{name}.compiled').exists():

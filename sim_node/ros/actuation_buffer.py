@@ -19,6 +19,8 @@ class Answers:
         silent: names of the voxels that count as silent: no step waits for them, and their
             actuation is 0.
         deliveries: delivery statistics of each voxel.
+        actuation: (n_voxels,) the newest actuation of each voxel.
+        awaited: (n_voxels,) bool, whose answer to the present step has not come.
     """
 
     def __init__(self, voxels: Sequence[str], hold: bool) -> None:
@@ -32,7 +34,7 @@ class Answers:
     def restart(self, now: float) -> None:
         """Begin an episode at time `now` [s]: clear everything but `silent`."""
         self.actuation[:] = 0.0
-        self._newest = [-1] * len(self._voxels)
+        self._newest = np.full(len(self._voxels), -1)
         for delivery in self.deliveries:
             delivery.restart()
         self.restart_timeouts(now)
@@ -50,8 +52,8 @@ class Answers:
         """Return the voxels that have not answered to the present step, without the silent ones."""
         if not self.awaited.any():
             return []
-        return [self._voxels[i] for i in np.flatnonzero(self.awaited)
-                if self._voxels[i] not in self.silent]
+        awaited = np.flatnonzero(self.awaited).tolist()
+        return [self._voxels[i] for i in awaited if self._voxels[i] not in self.silent]
 
     def take(self, i: int, sent: int, a: float, step: int, now: float) -> bool:
         """Store an actuation that was received; return whether it is in time.
@@ -73,9 +75,10 @@ class Answers:
             self.silent.discard(self._voxels[i])
         return in_time
 
-    def note_taken(self, i: int, step: int, now: float) -> None:
-        """Record that the caller has stored an answer in time."""
+    def note(self, i: int, step: int, now: float) -> None:
+        """Record that the caller has written an awaited answer into `actuation` and `awaited`."""
         self._newest[i], self._last_answer[i] = step, now
+        self.silent.discard(self._voxels[i])
 
     def close_step(self, step: int) -> np.ndarray:
         """Return the actuation to apply in this step, (n_voxels,) in [-1, 1]."""
@@ -84,6 +87,16 @@ class Answers:
             if voxel in self.silent:
                 self.actuation[i] = 0.0
         return self.actuation
+
+    def ages(self, step: int) -> np.ndarray:
+        """Return the ages in steps of the answers that `close_step` returned, (n_voxels,).
+
+        The age is 0 if the answer to this step came in time, n > 0 if the voxel holds its answer to
+        the step n steps before, and -1 if it is limp: no answer counts, and its actuation is 0.
+        """
+        limp = self._newest < 0
+        limp |= [voxel in self.silent for voxel in self._voxels]
+        return np.where(limp, -1, step - self._newest)
 
     def mark_silent(self, now: float, limit: float) -> list[str]:
         """Add the voxels without an answer for more than `limit` seconds to `silent`.

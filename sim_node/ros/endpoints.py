@@ -63,9 +63,13 @@ def _endpoints(
         return np.array([(at.start, at.stop) for at in found]) + np.array(spans)[:, :1]
 
     return Endpoints(
-        np.array(handles, dtype=np.uintp), np.zeros((0, 0), dtype=np.uintp), np.array(spans),
-        places(fields), places(['episode'] * len(formats)), np.frombuffer(all_bytes, np.uint8).copy(),
-        np.zeros(INFO_WORDS, dtype=np.uint64),
+        handles=np.array(handles, dtype=np.uintp),
+        messages=np.zeros((0, 0), dtype=np.uintp),
+        spans=np.array(spans),
+        numbers=places(fields),
+        episodes=places(['episode'] * len(formats)),
+        templates=np.frombuffer(all_bytes, np.uint8).copy(),
+        info=np.zeros(INFO_WORDS, dtype=np.uint64),
     )
 
 

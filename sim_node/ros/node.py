@@ -15,10 +15,10 @@ from sensor_msgs.msg import JointState
 
 from sim_node.control_time import CONTROL_RATE, START_STEPS, steps_in
 from sim_node.episode import EpisodeNames
-from sim_node.errors import InvalidInput
 from sim_node.numerics.jit import warm_up
 from sim_node.ros import topics
 from sim_node.ros.actuation_buffer import Answers
+from sim_node.ros.answer_reader import AnswerReader
 from sim_node.ros.deadlines import Pace, StepTimes
 from sim_node.ros.declared_parameters import check_unknown_parameters
 from sim_node.ros.delivery import delivery_statistics
@@ -56,12 +56,12 @@ class SimNode(RosNode):
         self._voxels = self.simulation.morphology.voxel_names
         warm_up('simulation', lambda: self.simulation.step(np.zeros(len(self._voxels))))
         self._make_topics()
-        create_services(self, self)
         duration = self._options.duration
         self._last_step = steps_in(duration) if duration else None
         factor = self._options.real_time_factor
         self._real_time = factor > 0.0
         self._answers = Answers(self._voxels, hold=self._real_time)
+        self._reader = AnswerReader(self, self._voxels, self._answers)
         self._names = EpisodeNames(self.simulation.solver.physics, self._start.identity)
         self.begun, self.paused = False, self._options.start_paused
         self._requested_steps: int | None = None
@@ -72,13 +72,13 @@ class SimNode(RosNode):
         self._tick_timer = self.create_timer(1.0, self._tick, autostart=False)
         self.create_timer(_WATCH_PERIOD, self._watch)
         self._start.begin_when_possible(
-            self._begin_first, lambda: self._broadcast.unrecorded_topics(self._options.recorders),
+            self._offer, self.begin,
+            lambda: self._broadcast.unrecorded_topics(self._options.recorders),
             self._options.start_limit,
         )
 
     def _make_topics(self) -> None:
         self._broadcast = Broadcast(self, self.simulation, self._options.clock)
-        self._actuation_wires = [topics.actuation_format(voxel) for voxel in self._voxels]
         for i, voxel in enumerate(self._voxels):
             self.create_subscription(
                 JointState, ACTUATION.of(voxel),
@@ -90,9 +90,9 @@ class SimNode(RosNode):
         """Return the present control step."""
         return self.simulation.step_count
 
-    def _begin_first(self) -> None:
+    def _offer(self) -> None:
         self._broadcast.settle()
-        self.begin()
+        create_services(self, self)
 
     def begin(self) -> None:
         """Begin an episode: put the robot down, wait for every voxel again, publish step 0."""
@@ -104,8 +104,8 @@ class SimNode(RosNode):
         self._tick_timer.cancel()
         self._times.restart()
         self._readings = self.simulation.reset()
+        self._reader.begin_episode(self._episode)
         self._broadcast.begin_episode(self._episode)
-        self._n_walls = 0
         self._publish_step()
 
     def _publish_step(self) -> None:
@@ -119,33 +119,12 @@ class SimNode(RosNode):
             self._broadcast.publish_sensors(self._readings)
 
     def _on_actuation(self, i: int, data: bytes) -> None:
-        voxel = self._voxels[i]
-        step, answers = self.simulation.step_count, self._answers
-        exchange = self._broadcast.exchange
-        usual = self._begun and exchange and not answers.silent
-        if usual and exchange.read_answer(i, data, step, answers.actuation, answers.awaited):
-            answers.note_taken(i, step, time.monotonic())
-            if not answers.awaited.any():
-                self._advance_if_ready()
+        silent = self._answers.silent
+        was_silent = self._voxels[i] in silent
+        if not self._reader.read(i, data, self.simulation.step_count, self.listening.now()):
             return
-        try:
-            episode, sent, a = topics.read_joint_state(
-                self._actuation_wires[i], data, -1.0, 1.0
-            )
-            is_current = self.begun and episode == self._episode.tobytes()
-            if is_current and sent > step:
-                raise InvalidInput('stamp', f'step {sent}', f'at most step {step}')
-        except InvalidInput as error:
-            self.refuse(ACTUATION.of(voxel), error)
-            return
-        if not is_current:
-            self.count('actuation of another episode')
-            return
-        was_silent = voxel in self._answers.silent
-        if not self._answers.take(i, sent, a[0], step, self.listening.now()):
-            self.count('late or repeated actuation')
-        if was_silent and voxel not in self._answers.silent:
-            self.get_logger().info(f'{voxel} answers again')
+        if was_silent and self._voxels[i] not in silent:
+            self.get_logger().info(f'{self._voxels[i]} answers again')
             self.publish_diagnostics()
         self._advance_if_ready()
 
@@ -167,25 +146,20 @@ class SimNode(RosNode):
 
     def _make_step(self) -> None:
         self._requested_steps = None if self._requested_steps is None else self._requested_steps - 1
-        actuation = self._answers.close_step(self.simulation.step_count)
+        step = self.simulation.step_count
+        actuation, ages = self._answers.close_step(step), self._answers.ages(step)
         try:
             self._readings = self.simulation.step(actuation)
         except Diverged as error:
             self.fail(f'the physics diverged: {error}')
             return
+        self._broadcast.publish_applied(step, ages)
         self.count('steps')
-        self._report_walls()
         if self.simulation.step_count > START_STEPS:
             self._times.note(time.monotonic())
         self._publish_step()
         if self._real_time and self.simulation.step_count == START_STEPS and not self.paused:
             self._run_freely()
-
-    def _report_walls(self) -> None:
-        """Log each wall once, when the robot meets it."""
-        for text in self.simulation.walls.describe()[self._n_walls :]:
-            self.get_logger().warning(f'the robot {text}')
-            self._n_walls += 1
 
     def _run_freely(self) -> None:
         """Start the deadlines of real time, at the beginning or after a pause."""
@@ -268,7 +242,8 @@ class SimNode(RosNode):
         if waiting and self.listening.now() - self._waiting_since > _SLOW:
             missing = ', '.join(self._answers.missing)
             return DiagnosticStatus.WARN, f'step {step} waits for {missing}'
-        return DiagnosticStatus.OK, f'running, step {step}'
+        text = ', '.join([f'running, step {step}', *self.simulation.walls.describe()])
+        return DiagnosticStatus.OK, text
 
     def publish_diagnostics(self) -> None:
         """Publish the state, unless another simulation of this name does."""

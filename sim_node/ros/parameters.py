@@ -42,6 +42,9 @@ def simulation_of(node: RosNode) -> Simulation:
         )
         material, solver = body.material, body.solver
     options = declare(node, sim_interface.WORLD, options)
+    if options.morphology.isdecimal() and not set(options.morphology) <= {*'01'}:
+        expected = """a grid in quotes, "'0111'": without them, ROS reads 0111 as the number 73"""
+        raise InvalidInput('morphology', options.morphology, expected, node.where())
     material = declare(node, sim_interface.MATERIAL, material)
     solver = declare(node, sim_interface.SOLVER, solver)
     faults = declare(node, sim_interface.FAULTS, FaultsOfBody())

@@ -1,7 +1,7 @@
 """(ROS) Functions of rcl, the C library below rclpy, that compiled code calls.
 
-rclpy takes and publishes a serialised message with a dozen Python objects, which is most of the cost
-of a control step. `AVAILABLE` tells whether compiled code can do it by itself.
+rclpy takes and publishes a serialised message with a dozen Python objects, which is most of the
+cost of a control step. `AVAILABLE` tells whether compiled code can do it by itself.
 """
 
 import ctypes
@@ -45,11 +45,11 @@ def _declare_functions() -> bool:
     rcl, rcutils = _library('rcl'), _library('rcutils')
     if rcl is None or rcutils is None:
         return False
-    found = [getattr(rcl, name, None) for name in _N_ARGUMENTS]
-    if None in found or not hasattr(rcutils, 'rcutils_uint8_array_init'):
+    in_rcl = all(hasattr(rcl, name) for name in _N_ARGUMENTS)
+    if not in_rcl or not hasattr(rcutils, 'rcutils_uint8_array_init'):
         return False
-    for name, function in zip(_N_ARGUMENTS, found, strict=True):
-        llvm.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
+    for name in _N_ARGUMENTS:
+        llvm.add_symbol(name, ctypes.cast(getattr(rcl, name), ctypes.c_void_p).value)
     return True
 
 

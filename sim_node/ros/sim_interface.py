@@ -37,6 +37,13 @@ SENSORS = Topic(
     'position = readings in [0, 1]',
     of_voxel=True,
 )
+APPLIED = Topic(
+    'applied_actuation', 'sensor_msgs/msg/JointState', _EACH_STEP,
+    'what moved the body in step k, broken actuators included: stamp k; name = all voxels, row by '
+    'row from the bottom; position = actuation in [-1, 1]; effort = age in steps of the answer '
+    'that it is from (not a torque): 0 in time, n > 0 held from step k − n, −1 none that counts, '
+    'the voxel is limp; frame `<robot>@<episode>`',
+)
 ACTUATION = Topic(
     'actuation', 'sensor_msgs/msg/JointState', 'once for each `sensors`',
     'answer to the `sensors` of the same stamp: name = the voxel; position = [a] in [-1, 1], '
@@ -128,7 +135,7 @@ SIM_NODE = NodeInterface(
     'their actuation (or, in real time, until the step is due), and makes the step.',
     'ros2 run snca_ros sim_node --ros-args -r __ns:=/<robot> -p <parameter>:=<value>',
     parameters=(CONTROLLER, WORLD, RUN, FAULTS, SOLVER, MATERIAL),
-    publishes=(SENSORS, ODOMETRY, MARKERS, CLOCK, PRESENCE, DIAGNOSTICS, ROSOUT),
+    publishes=(SENSORS, ODOMETRY, MARKERS, APPLIED, CLOCK, PRESENCE, DIAGNOSTICS, ROSOUT),
     subscribes=(ACTUATION, PRESENCE),
     serves=(RESET, PAUSE, STEP),
 )

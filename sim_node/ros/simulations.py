@@ -23,7 +23,7 @@ _PERIOD = 0.5  # seconds between two announcements
 _LOOK = 0.3  # seconds for which a new node looks for other simulations
 _ENDING = 4.0  # seconds that another simulation may take to end, more than _SILENCE
 _SILENCE = 3.0  # seconds without an announcement after which a simulation counts as killed
-_RUNNING = 'running'
+_STARTING, _RUNNING = 'starting', 'running'
 _LAST = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
@@ -97,7 +97,7 @@ class Simulations:
         """
         for identity in self.others():
             listener = self._listen(identity)
-            starts = listener.text and not listener.text.endswith(_RUNNING)
+            starts = listener.text.endswith(_STARTING)
             yields = self._own and starts and self._own < identity
             if not yields and not listener.is_silent:
                 nodes = ', '.join(nodes_that_publish(self._node, self._prefix + identity))
@@ -127,12 +127,11 @@ class Announcement:
 
     Attributes:
         identity: of the simulation.
-        alone: whether no other simulation has precedence, as far as is known.
+        alone: whether this is the only simulation, as was found out at its start.
     """
 
     def __init__(self, node: RosNode) -> None:
         self.identity, self.alone = new_identity(), False
-        self._state = 'starting'
         self._publisher = node.create_publisher(String, _topic(self.identity), _LAST)
         self._others = Simulations(node, self.identity)
         self._looks_since: float | None = None
@@ -141,28 +140,28 @@ class Announcement:
         self._publish()
 
     def may_begin(self) -> bool:
-        """Return whether no other simulation has precedence; called until it returns true.
+        """Return whether this is the only simulation; from then on it has precedence over others.
 
         Raises:
             InvalidInput: another simulation has precedence, and does not end.
         """
-        now, other = time.monotonic(), self._others.with_precedence()
+        now = time.monotonic()
         if self._looks_since is None:  # messages arrive from now on
             self._looks_since = self._alone_since = now
-        if not other:
-            self._alone_since, self.alone = now, now - self._looks_since > _LOOK
-        elif now - self._alone_since > _ENDING:
-            namespace = self._publisher.topic_name.rpartition('/')[0] or '/'
-            raise InvalidInput(
-                'namespace', namespace, f'one without a simulation: {other} simulates there'
-            )
+        if self.alone:
+            return True
+        if other := self._others.with_precedence():
+            if now - self._alone_since > _ENDING:
+                namespace = self._publisher.topic_name.rpartition('/')[0] or '/'
+                raise InvalidInput(
+                    'namespace', namespace, f'one without a simulation: {other} simulates there'
+                )
+            return False
+        self._alone_since, self.alone = now, now - self._looks_since > _LOOK
+        if self.alone:
+            self._publish()
         return self.alone
-
-    def begin(self) -> None:
-        """Announce that the simulation has begun: from now on it has precedence."""
-        self._state = _RUNNING
-        self._publish()
 
     def _publish(self) -> None:
         process = f'{platform.node()}:{os.getpid()}'
-        self._publisher.publish(String(data=f'{process} {self._state}'))
+        self._publisher.publish(String(data=f'{process} {_RUNNING if self.alone else _STARTING}'))

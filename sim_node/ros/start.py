@@ -28,27 +28,31 @@ class Start:
         return self._announcement.alone
 
     def begin_when_possible(
-        self, begin: Callable[[], None], unrecorded: Callable[[], list[str]], limit: float
+        self, offer: Callable[[], None], begin: Callable[[], None],
+        unrecorded: Callable[[], list[str]], limit: float,
     ) -> None:
-        """Call a function once, as soon as the first episode may begin.
+        """Call two functions once, as soon as the first episode may begin.
 
         Args:
+            offer: creates what only one simulation should offer; called as soon as this is it.
             begin: begins the episode.
             unrecorded: returns the topics to which recorders have not subscribed yet.
             limit: how long to wait for recorders [s].
         """
 
         def check() -> None:
+            known = self.alone
             try:
                 if not self._announcement.may_begin():
                     return
             except InvalidInput as error:
                 self._node.fail(str(error))
                 return
+            if not known:
+                offer()
             missing = unrecorded()
             if not missing:
                 timer.cancel()
-                self._announcement.begin()
                 begin()
             elif self._node.listening.now() - self._created > limit:
                 self._node.fail(

@@ -45,10 +45,13 @@ def stream_qos(depth: int = HISTORY) -> QoSProfile:
     )
 
 
-def _joint_state_format(voxel: str, names: list[str]) -> WireFormat:
+def _joint_state_format(
+    sender: str, names: list[str], with_effort: bool = False
+) -> WireFormat:
     numbers = np.arange(1.0, len(names) + 1.0) / 7.0
-    message = JointState(name=names, position=numbers.tolist())
-    message.header.frame_id = frame_of(voxel)
+    effort = -numbers if with_effort else np.zeros(0)
+    message = JointState(name=names, position=numbers.tolist(), effort=effort.tolist())
+    message.header.frame_id = frame_of(sender)
 
     def check(received: JointState) -> None:
         if list(received.name) != names:
@@ -57,13 +60,18 @@ def _joint_state_format(voxel: str, names: list[str]) -> WireFormat:
             raise InvalidInput(
                 'position', f'{len(received.position)} values', f'{len(names)} values'
             )
-        if received.velocity or received.effort:
-            raise InvalidInput('velocity, effort', 'values', 'none')
-        check_frame(voxel, received.header.frame_id)
+        if received.velocity or len(received.effort) != len(effort):
+            shown = f'{len(received.velocity)} and {len(received.effort)} values'
+            raise InvalidInput('velocity, effort', shown, f'none and {len(effort) or "none"}')
+        check_frame(sender, received.header.frame_id)
 
-    layout = message_layout.joint_state(voxel, EXAMPLE_EPISODE, names)
-    episode = np.frombuffer(EXAMPLE_EPISODE, np.uint8)
-    return WireFormat(message, layout, {'position': numbers, 'episode': episode}, check)
+    layout = message_layout.joint_state(sender, EXAMPLE_EPISODE, names, len(effort))
+    slots: dict[str, np.ndarray] = {
+        'position': numbers, 'episode': np.frombuffer(EXAMPLE_EPISODE, np.uint8)
+    }
+    if with_effort:
+        slots['effort'] = effort
+    return WireFormat(message, layout, slots, check)
 
 
 def sensors_format(voxel: str, sensors: Sequence[str]) -> WireFormat:
@@ -74,6 +82,11 @@ def sensors_format(voxel: str, sensors: Sequence[str]) -> WireFormat:
 def actuation_format(voxel: str) -> WireFormat:
     """Return the format of `<voxel>/actuation`; position = [a]."""
     return _joint_state_format(voxel, [voxel])
+
+
+def applied_format(robot: str, voxels: Sequence[str]) -> WireFormat:
+    """Return the format of `applied_actuation`; position = actuation, effort = ages in steps."""
+    return _joint_state_format(robot, list(voxels), with_effort=True)
 
 
 def read_joint_state(wire: WireFormat, data: bytes, low: float, high: float):

@@ -19,6 +19,7 @@ from snca_ros.assessment.trials import (
     common_task,
     run_trials,
 )
+from snca_ros.cell.models.arithmetic import DEFAULT_ARITHMETIC
 from snca_ros.evolution.episode import EPISODE
 from snca_ros.evolution.tasks import Task
 from snca_ros.faults import NO_FAULTS, Faults
@@ -98,6 +99,7 @@ def assess(
     faults: str | Faults | Iterable[str | Faults] | None = None,
     *,
     engine: str = DEFAULT_ENGINE,
+    arithmetic: str = DEFAULT_ARITHMETIC,
     duration: float = EPISODE,
     workers: int = 1,
 ) -> Scores:
@@ -110,6 +112,8 @@ def assess(
         faults: faults, see docs/robustness.md. One number may be a range, FROM..TO or
             FROM..TO..STEP, such as 'loss=0..0.9..0.1', for several faults.
         engine: one of `sim_node.engine.ENGINES`, such as 'batched'.
+        arithmetic: arithmetic of the cells: 'double', or that of firmware, 'float32', 'int16' or
+            'int8'.
         duration: duration of an episode [s]; the first 5 s are not scored.
         workers: number of processes, see `evolve`; the result does not depend on it.
 
@@ -125,7 +129,7 @@ def assess(
     grounds = (terrains,) if isinstance(terrains, str) else tuple(terrains)
     if starts is None:
         starts = 0 if faults is None else FAULTY_STARTS
-    AssessmentOptions(starts, duration, engine)
+    AssessmentOptions(starts, duration, engine, arithmetic)
     for ground in grounds:
         parse_terrain(ground)
     for robot in loaded:
@@ -135,8 +139,8 @@ def assess(
             raise InvalidInput(field, (), 'at least one')
     task = common_task([robot.trained for robot in loaded])
     trials = all_trials(
-        [robot.trained for robot in loaded], list(all_faults.values()), grounds, engine,
-        1 + starts, duration,
+        [robot.trained.in_arithmetic(arithmetic) for robot in loaded],
+        list(all_faults.values()), grounds, engine, 1 + starts, duration,
     )
     with worker_processes(workers) as opened:
         values, walls = run_trials(opened, trials)

@@ -16,6 +16,7 @@ from sim_node.model.constants import check_declared, choice, constant
 from sim_node.model.terrain import MOST_TERRAIN_SEEDS
 from sim_node.numerics.jit import warm_up
 from sim_node.simulation import Simulation
+from snca_ros.cell.models.arithmetic import ARITHMETICS, DEFAULT_ARITHMETIC
 from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import EPISODE, LONGEST, TRANSIENT, Episode, run_episode
 from snca_ros.evolution.tasks import Scored, Task, check_task, score_of
@@ -74,7 +75,8 @@ def score(trial: Trial) -> Scored:
     def episode(duration: float) -> Episode:
         return run_episode(simulation, controller, duration, task.records)
 
-    name = f'trial-{trial.engine}{faulty}-{len(task.records)}'
+    arithmetic = trial.trained.architecture.arithmetic
+    name = f'trial-{trial.engine}{faulty}-{len(task.records)}-{arithmetic}'
     warm_up(name, lambda: episode(2.0 / CONTROL_RATE))
     return score_of(task, episode(trial.duration), trial.transient)
 
@@ -157,6 +159,9 @@ class AssessmentOptions:
     starts: int = constant(0, 0, 10_000, 'number of pushed starts besides the exact one')
     duration: float = constant(EPISODE, TRANSIENT, LONGEST, 'duration of an episode', 's')
     engine: str = choice(DEFAULT_ENGINE, ENGINES, 'physics engine')
+    arithmetic: str = choice(
+        DEFAULT_ARITHMETIC, ARITHMETICS, 'arithmetic of the cells, as in firmware'
+    )
     terrain_seeds: int = constant(
         1, 1, MOST_TERRAIN_SEEDS, 'number of seeds of each irregular unseen terrain; the scores '
         'are means of each kind and over the kinds'

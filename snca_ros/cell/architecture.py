@@ -8,6 +8,7 @@ from sim_node.model.sensors import DEFAULT_SENSORS, check_sensors
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.cell.layers import n_parameters
 from snca_ros.cell.models import NEURON_MODELS, NeuronModel, printed_variant
+from snca_ros.cell.models.arithmetic import DEFAULT_ARITHMETIC, in_arithmetic
 
 ARCHITECTURES = ('U-nD', 'U-D', 'nU-D', 'nU-nD')
 """Uniform or not (U, nU) and directional or not (D, nD); the paper studies the first three."""
@@ -29,6 +30,7 @@ class Architecture:
         hidden: sizes of the hidden layers; None for the paper's one, as wide as the input.
         as_printed: whether to use the paper's printed equations where the authors' code differs.
         sensors: names of the sensors that a cell reads, in the order of its first inputs.
+        arithmetic: arithmetic of the cells, one of `models.arithmetic.ARITHMETICS`.
 
     Raises:
         InvalidInput: a value is of the wrong type or out of range.
@@ -41,14 +43,14 @@ class Architecture:
     hidden: tuple[int, ...] = None  # type: ignore[assignment]
     as_printed: bool = False
     sensors: tuple[str, ...] = DEFAULT_SENSORS
+    arithmetic: str = DEFAULT_ARITHMETIC
 
     def __post_init__(self) -> None:
         for name in ('uniform', 'directional', 'as_printed'):
             if not isinstance(getattr(self, name), bool):
                 raise InvalidInput(name, getattr(self, name), 'true or false')
         NEURON_MODELS.find(self.neuron_model)
-        if self.as_printed:
-            printed_variant(NEURON_MODELS[self.neuron_model])
+        in_arithmetic(self._in_doubles, self.arithmetic)
         object.__setattr__(self, 'sensors', check_sensors(self.sensors))
         if self.n_c is None:
             object.__setattr__(self, 'n_c', 1 if self.directional else 4)
@@ -76,7 +78,11 @@ class Architecture:
 
     @property
     def model(self) -> NeuronModel:
-        """Return the neuron model, as the paper prints it if `as_printed`."""
+        """Return the neuron model in the arithmetic, as the paper prints it if `as_printed`."""
+        return in_arithmetic(self._in_doubles, self.arithmetic)
+
+    @property
+    def _in_doubles(self) -> NeuronModel:
         model = NEURON_MODELS[self.neuron_model]
         return printed_variant(model) if self.as_printed else model
 
@@ -120,8 +126,14 @@ class Architecture:
         return self.parameters_per_cell * (1 if self.uniform else n_voxels)
 
     def to_dict(self) -> dict:
-        """Return the attributes as numbers, strings and lists, for JSON and YAML."""
-        return {**asdict(self), 'hidden': list(self.hidden), 'sensors': list(self.sensors)}
+        """Return the attributes as numbers, strings and lists, for JSON and YAML.
+
+        The usual arithmetic is left out, so that older versions can read the file.
+        """
+        values = {**asdict(self), 'hidden': list(self.hidden), 'sensors': list(self.sensors)}
+        if self.arithmetic == DEFAULT_ARITHMETIC:
+            del values['arithmetic']
+        return values
 
     @classmethod
     def from_dict(cls, values: dict) -> 'Architecture':

@@ -23,6 +23,7 @@ from snca_ros.cell.coding import (
     next_spike,
     spike_period,
 )
+from snca_ros.cell.models.model import rounded
 from snca_ros.cell.network import Network, make_network
 from snca_ros.cell.spiking_layers import clear, run_spiking
 from snca_ros.cell.value_layers import run_values
@@ -72,10 +73,10 @@ def _step_spiking(model, cells, readings, step, actuation):
             for h in range(SNN_STEPS):
                 cells.received_trains[i, c, h] = cells.sent_trains[i, c, h]
     for i in range(cells.neighbors.shape[0]):
-        _read_trains(cells, i, readings, step)
+        _read_trains(model, cells, i, readings, step)
         clear(cells.network.fired)
         run_spiking(cells.network, i, cells.trains)
-        _write_trains(cells, i, step, actuation)
+        _write_trains(model, cells, i, step, actuation)
 
 
 @inlined_part
@@ -84,7 +85,7 @@ def _step_values(model, cells, readings, step, actuation):
         for c in range(cells.sent_values.shape[1]):
             store(cells.received_values, i, c, load(cells.sent_values, i, c))
     for i in range(cells.neighbors.shape[0]):
-        _read_values(cells, i, readings)
+        _read_values(model, cells, i, readings)
         run_values(cells.network, i, None)
         _write_values(cells, i, actuation)
 
@@ -96,11 +97,11 @@ _step_group = by_attribute(
 
 
 @inlined_part
-def _read_trains(cells, i, readings, step):
+def _read_trains(model, cells, i, readings, step):
     n_sensors, trains, first_step = readings.shape[1], cells.trains, float(step * SNN_STEPS)
     for sensor in range(n_sensors):
         last_spike = load(cells.last_spike, i, sensor)
-        period = spike_period(load(readings, i, sensor))
+        period = spike_period(model, load(readings, i, sensor))
         due = next_spike(period, last_spike, first_step)
         for h in range(SNN_STEPS):
             spikes = due == like(due, first_step + h)
@@ -117,7 +118,7 @@ def _read_trains(cells, i, readings, step):
 
 
 @inlined_part
-def _write_trains(cells, i, step, actuation):
+def _write_trains(model, cells, i, step, actuation):
     trains, output, age = cells.trains, cells.output, step + 1
     for c in range(cells.sent_trains.shape[1]):
         for h in range(SNN_STEPS):
@@ -130,14 +131,14 @@ def _write_trains(cells, i, step, actuation):
     n_spikes = like(n_spikes, 0.0)
     for k in range(min(age, ACTUATION_WINDOW)):
         n_spikes += load(cells.counts, i, k)
-    store(actuation, i, 0, actuation_of(n_spikes, age))
+    store(actuation, i, 0, actuation_of(model, n_spikes, age))
 
 
 @inlined_part
-def _read_values(cells, i, readings):
+def _read_values(model, cells, i, readings):
     n_sensors, values = readings.shape[1], cells.network.values
     for sensor in range(n_sensors):
-        store(values, 0, sensor, load(readings, i, sensor))
+        store(values, 0, sensor, rounded(model, load(readings, i, sensor)))
     for d in range(len(OPPOSITE)):
         sender, channel = cells.neighbors[i, d], cells.channels[d]
         for c in range(cells.n_c):
@@ -145,7 +146,8 @@ def _read_values(cells, i, readings):
             if sender < 0:
                 store(values, 0, neuron, 0.0)
             else:
-                store(values, 0, neuron, load(cells.received_values, sender, channel + c))
+                received = load(cells.received_values, sender, channel + c)
+                store(values, 0, neuron, rounded(model, received))
 
 
 @inlined_part

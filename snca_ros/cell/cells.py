@@ -20,6 +20,7 @@ from snca_ros.cell.coding import (
     pack_trains,
     unpack_trains,
 )
+from snca_ros.cell.models.model import rounded
 from snca_ros.cell.network import NEURONS, WORD, Network, by_neuron, make_network
 from snca_ros.cell.spiking_layers import clear, run_spiking
 from snca_ros.cell.value_layers import run_values
@@ -72,14 +73,14 @@ def step_cells(cells, first, last, readings, step, actuation):
 
 @inlined_part
 def _step_spiking(model, cells, i, readings, step, actuation):
-    _read_trains(cells, i, readings, step)
+    _read_trains(model, cells, i, readings, step)
     run_spiking(cells.network, i, None)
-    _write_trains(cells, i, actuation)
+    _write_trains(model, cells, i, actuation)
 
 
 @inlined_part
 def _step_values(model, cells, i, readings, step, actuation):
-    _read_values(cells, i, readings)
+    _read_values(model, cells, i, readings)
     run_values(cells.network, i, cells.values)
     _write_values(cells, i, actuation)
 
@@ -91,13 +92,13 @@ _step_cell = by_attribute(
 
 
 @inlined_part
-def _read_trains(cells, i, readings, step):
+def _read_trains(model, cells, i, readings, step):
     """Write the spikes of readings and messages into `fired`, for the input neurons."""
     fired, n_sensors, n_c = cells.network.fired, readings.shape[1], cells.inbox.shape[2]
     clear(fired)
     for sensor in range(n_sensors):
         train, cells.last_spike[i, sensor] = encode(
-            readings[i, sensor], cells.last_spike[i, sensor], step * SNN_STEPS
+            model, readings[i, sensor], cells.last_spike[i, sensor], step * SNN_STEPS
         )
         _put_train(fired, sensor, train)
     for d in range(4):
@@ -114,14 +115,14 @@ def _put_train(fired, neuron, train):
 
 
 @inlined_part
-def _write_trains(cells, i, actuation):
+def _write_trains(model, cells, i, actuation):
     fired, n_c = cells.network.fired, cells.outbox.shape[2]
     n_spikes = 0
     for h in range(SNN_STEPS):
         n_spikes += fired[0, h] & 1
     cells.counts[i, cells.age[i] % ACTUATION_WINDOW] = n_spikes
     cells.age[i] += 1
-    actuation[i] = decode(cells.counts, i, cells.age[i])
+    actuation[i] = decode(model, cells.counts, i, cells.age[i])
     for d in range(cells.outbox.shape[1]):
         for c in range(n_c):
             neuron = 1 + d * n_c + c
@@ -132,13 +133,13 @@ def _write_trains(cells, i, actuation):
 
 
 @inlined_part
-def _read_values(cells, i, readings):
+def _read_values(model, cells, i, readings):
     n_sensors, n_c = readings.shape[1], cells.inbox.shape[2]
     for sensor in range(n_sensors):
-        cells.values[sensor] = readings[i, sensor]
+        cells.values[sensor] = rounded(model, readings[i, sensor])
     for d in range(4):
         for c in range(n_c):
-            cells.values[n_sensors + d * n_c + c] = cells.inbox[i, d, c]
+            cells.values[n_sensors + d * n_c + c] = rounded(model, cells.inbox[i, d, c])
 
 
 @inlined_part

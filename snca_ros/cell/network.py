@@ -13,6 +13,7 @@ from sim_node.numerics.lane_array import LaneArray, zeros
 from snca_ros.cell.architecture import Architecture
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.cell.layers import PAIR, Layer, layers_of, pad, padded
+from snca_ros.cell.models.model import quantised
 
 NEURONS = 8
 """Neurons per item in the networks of one robot."""
@@ -94,7 +95,10 @@ class _CellArrays:
         n = sizes[0]
         defaults = np.array([*model.evolved.values()])[:, None]
         inputs = Layer(np.tile(defaults, (1, n)), np.ones((1, n)))
-        layers = layers_of(sizes, parameters, len(model.evolved))
+        layers = [
+            layer._replace(synapses=quantised(model, layer.synapses))
+            for layer in layers_of(sizes, parameters, len(model.evolved))
+        ]
         self.weights = np.concatenate([pad(layer.synapses, multiple).ravel() for layer in layers])
         own = [
             model.neuron_constants(layer.synapses, layer.evolved)

@@ -17,7 +17,7 @@ from sim_node.numerics.lane_tuples import all_equal, load_each, store_each
 from sim_node.numerics.lanes import any_lane, bits_of, like, load, mask_like, negation, select
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.cell.layers import PAIR
-from snca_ros.cell.models.model import bias, step
+from snca_ros.cell.models.model import bias, rounded, step
 from snca_ros.cell.network import NEURONS, WORD
 
 _OCTET = (1 << NEURONS) - 1
@@ -133,12 +133,14 @@ def _run_layer(network, cell, row, pre, first, n, synapse, trains):
                         remaining &= remaining - 1
                         m = synapse + e * n + i
                         if trains is None:
-                            total_j = total_j + load(weights, row, m)
-                            total_k = total_k + load(weights, row, m + 1)
+                            total_j = rounded(model, total_j + load(weights, row, m))
+                            total_k = rounded(model, total_k + load(weights, row, m + 1))
                         else:
                             mask = mask_like(zero, trains[first - pre + e, h])
-                            total_j = select(mask, total_j + load(weights, row, m), total_j)
-                            total_k = select(mask, total_k + load(weights, row, m + 1), total_k)
+                            sum_j = rounded(model, total_j + load(weights, row, m))
+                            sum_k = rounded(model, total_k + load(weights, row, m + 1))
+                            total_j = select(mask, sum_j, total_j)
+                            total_k = select(mask, sum_k, total_k)
             spikes_j, state_j = step(model, state_j, own_j, total_j)
             spikes_k, state_k = step(model, state_k, own_k, total_k)
             fired_j, fired_k = bits_of(spikes_j), bits_of(spikes_k)

@@ -3,7 +3,7 @@
 from sim_node.numerics.jit import compiled_part, inlined_part
 from sim_node.numerics.lane_tuples import load_each, store_each
 from sim_node.numerics.lanes import like, load, store
-from snca_ros.cell.models.model import bias, step
+from snca_ros.cell.models.model import bias, rounded, step
 from snca_ros.cell.network import NEURONS
 
 
@@ -45,9 +45,10 @@ def _run_layer(network, cell, row, pre, neurons, first, n, synapse, flat):
             for e in range(neurons):
                 weight = load(weights, row, synapse + e * n + i)
                 if flat is None:
-                    total = total + weight * load(values, 0, first - pre + e)
+                    product = rounded(model, weight * load(values, 0, first - pre + e))
                 else:
-                    total = total + weight * flat[(first - pre) * NEURONS + e]
+                    product = rounded(model, weight * flat[(first - pre) * NEURONS + e])
+                total = rounded(model, total + product)
         value, state = step(model, state, own, total)
         store(values, 0, j, value)
         store_each(network.state, cell, j, state)

@@ -47,6 +47,7 @@ EXAMPLES = """
   snca assess runs/tripod/best.npz --terrain-seeds 10   # 10 of each irregular one of them
   snca assess biped-U-nD-snn-h --terrains flat,uphill-10 --starts 20 --engine batched
   snca assess biped-U-nD-snn-h --faults loss=0..0.9..0.1 --figure loss.png --csv loss.csv
+  snca assess biped-U-nD-snn-h --arithmetic int16       # as its firmware would walk
 """
 
 
@@ -59,6 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         f'{len(UNSEEN_TERRAINS)} unseen ones; with --faults {DEFAULT_TERRAIN})')
     add_option(parser, AssessmentOptions, 'terrain_seeds', metavar='N', default=None)
     add_option(parser, AssessmentOptions, 'engine')
+    add_option(parser, AssessmentOptions, 'arithmetic')
     add_option(parser, AssessmentOptions, 'starts', metavar='N', default=None,
                help=f'{help_of(AssessmentOptions, "starts")[:-1]}; with --faults {FAULTY_STARTS}): '
                'adds mean and standard deviation')
@@ -82,7 +84,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     opened = open_workers(args)
     if args.starts is None:
         args.starts = FAULTY_STARTS if args.faults else AssessmentOptions.starts
-    AssessmentOptions(args.starts, args.duration, args.engine)
+    AssessmentOptions(args.starts, args.duration, args.engine, args.arithmetic)
     if args.figure:
         check_figure(args.figure)
     if args.csv:
@@ -91,7 +93,10 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     terrains = [name for names in kinds.values() for name in names]
     for name in terrains:
         parse_terrain(name)
-    trained = [load_controller(find_controller(name)) for name in args.controllers]
+    trained = [
+        load_controller(find_controller(name)).in_arithmetic(args.arithmetic)
+        for name in args.controllers
+    ]
     for controller in trained:
         check_engine(args.engine, controller.solver)
     task = common_task(trained)

@@ -1,20 +1,25 @@
 """The `report` command: a report on the walk in a bag, as text, figure, JSON and page."""
 
 import argparse
+from dataclasses import asdict
 from pathlib import Path
 
 from sim_node.errors import InvalidInput
+from snca_ros.bundled import find_controller
 from snca_ros.command_line import FormerlyWithValue
 from snca_ros.commands.json_output import add_json_option
+from snca_ros.controller_file import load_controller
 from snca_ros.files import FIGURE, PAGE, check_writable
 from snca_ros.recording.bag import Recording, read_bag
+from snca_ros.recording.energy import count_operations, energy_lines
 from snca_ros.recording.gait import Gait, measure_gait
+from snca_ros.recording.offline import check_shape_of_bag
 from snca_ros.recording.report import as_dict, report_lines
 
 EXAMPLES = """
   snca report bags/mine
   snca report bags/mine --json walk.json --figure walk.svg
-  snca report bags/mine --json - | jq .v_x
+  snca report bags/mine --json - > walk.json        # text goes to standard error
   snca report bags/mine --html                      # a page that plays the walk
   snca report bags/mine --episode 0                 # of a bag with resets
 """
@@ -33,7 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--page', type=Path, metavar='FILE',
                         help=f'file of that page (default BAG/{PAGE}); implies --html')
     parser.add_argument('--controller', metavar='CONTROLLER',
-                        help='controller of the walk in the bag, to add thresholds to the page')
+                        help='controller of the walk in the bag, to add the operations of its '
+                        'cells to the report, and thresholds to the page')
     parser.add_argument('--episode', type=int, default=-1, metavar='N',
                         help='number of the episode in a bag with resets, from 0 (default: last)')
 
@@ -50,12 +56,27 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     recording = read_bag(args.bag, args.episode)
     gait = measure_gait(recording)
     print_report(recording, gait, args.figure)
-    args.write_json(as_dict(recording, gait))
+    report = as_dict(recording, gait)
+    if args.controller:
+        report['operations'] = _print_operations(recording, gait, args.controller)
+    args.write_json(report)
     if page:
         from snca_ros.commands.replay import write_bag_page
 
         write_bag_page(page, recording, args.controller)
     return 0
+
+
+def _print_operations(recording: Recording, gait: Gait, controller: str) -> dict | None:
+    """Print operations and energy of the cells; return the operations, None if unknown."""
+    trained = load_controller(find_controller(controller))
+    check_shape_of_bag(recording, trained)
+    operations = count_operations(trained, recording.readings, recording.spikes)
+    if operations is None:
+        return None
+    lines = energy_lines(operations, len(recording.voxel_names), gait.velocity)
+    print('\n'.join(lines), flush=True)
+    return asdict(operations)
 
 
 def print_report(recording: Recording, gait: Gait, figure: Path | None = None) -> None:

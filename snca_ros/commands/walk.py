@@ -4,6 +4,7 @@ import argparse
 import re
 import signal
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from datetime import datetime
@@ -27,6 +28,10 @@ from snca_ros.commands.report import print_report
 from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.evolution.episode import run_episode
 from snca_ros.faults import FAULTS_HELP, Faults, parse_faults
+from snca_ros.files import BAGS
+from snca_ros.firmware.boards import BOARDS
+from snca_ros.firmware.build import build_devices, parse_boards, parse_devices
+from snca_ros.firmware.lines import EXPECTED
 from snca_ros.graph.description import Graph, WalkOptions, describe_graph, robot_name
 from snca_ros.graph.live_view import LiveView
 from snca_ros.graph.lookout import Lookout
@@ -47,6 +52,7 @@ EXAMPLES = """
   snca walk --view                                  # a live page; click voxels to kill them
   snca walk --faults loss=0.3,death=0.5@10,seed=3   # lost messages; half the voxels die at 10 s
   snca walk --engine batched --bag bags/mine --storage sqlite3
+  snca walk --devices emulated:microbit --arithmetic int16   # each cell on its own micro:bit
 """
 
 
@@ -67,6 +73,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--shape', help='shape that the controller must have')
     parser.add_argument('--robot', default='', help='namespace (default: the shape)')
     add_option(parser, WalkOptions, 'voxels_per_process', metavar='K')
+    add_option(parser, WalkOptions, 'arithmetic')
+    parser.add_argument('--device', action='append', default=[], metavar='VOXEL=ADDRESS',
+                        help=f'device that the cell of a voxel is on: {EXPECTED}; one option per '
+                        'voxel')
+    parser.add_argument('--devices', default='', metavar='emulated:BOARD,...',
+                        help='build firmware and run each cell on an emulated board: '
+                        f'{", ".join(BOARDS)}; voxels take several boards in turn')
     parser.add_argument('--faults', default='', metavar='SPEC', help=FAULTS_HELP)
     parser.add_argument('--only', default='', metavar='VOXELS',
                         help='voxels to run, if `snca voxels` runs the others elsewhere: '
@@ -77,7 +90,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_option(parser, ViewOptions, 'port', default=None, metavar='PORT',
                help=f'{help_of(ViewOptions, "port")}; implies --view')
     record = parser.add_mutually_exclusive_group()
-    record.add_argument('--bag', type=Path, help='bag to write (default bags/<robot>-<time>)')
+    record.add_argument('--bag', type=Path, help=f'bag to write (default {BAGS}/<robot>-<time>)')
     record.add_argument('--no-bag', action='store_true', help='record nothing')
     add_option(parser, WalkOptions, 'storage')
     add_json_option(parser)
@@ -88,7 +101,25 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     check_domain()
     security.check_middleware()
     path = find_controller(args.controller)
-    trained = load_controller(path)
+    trained = load_controller(path).in_arithmetic(args.arithmetic)
+    with tempfile.TemporaryDirectory(prefix='snca_ros_') as place:
+        devices = _devices(args, trained, Path(place, 'firmware'), path.stem)
+        return _run(args, path, trained, devices)
+
+
+def _devices(
+    args: argparse.Namespace, trained: TrainedController, folder: Path, name: str
+) -> dict[str, str]:
+    """Return the addresses of the voxels' devices; build firmware into `folder` if need be."""
+    given = parse_devices(args.device, trained.morphology)
+    if not args.devices:
+        return given
+    return {**build_devices(trained, parse_boards(args.devices), folder, name), **given}
+
+
+def _run(
+    args: argparse.Namespace, path: Path, trained: TrainedController, devices: dict[str, str]
+) -> int:
     if args.json and args.no_bag:
         raise InvalidInput('--json', args.json, 'a walk with a bag, whose report it is')
     if args.duration < 1 / CONTROL_RATE:
@@ -99,13 +130,14 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     factor = args.real_time_factor or float(args.real_time or port is not None)
     _check_shape(path, trained, args.shape)
     robot = args.robot or robot_name(trained.morphology)
-    bag = args.bag or Path('bags') / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'
+    bag = args.bag or BAGS / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'
     engine = args.engine
     faults = parse_faults(args.faults)
     options = WalkOptions(
         robot, args.terrain, engine, args.duration, factor, args.voxels_per_process,
         only=args.only, bag='' if args.no_bag else str(bag), storage=args.storage, faults=faults,
         simulation={} if port is None else {'recorders': 2 - args.no_bag},
+        arithmetic=args.arithmetic, devices=devices,
     )
     graph = describe_graph(path, trained, options)
     lookout = Lookout(robot, graph.enclave('walk'), 'network' if args.only else 'loopback')

@@ -19,13 +19,14 @@ from sim_node.model.terrain import DEFAULT_TERRAIN, TERRAIN_FORM, parse_terrain
 from sim_node.simulation import Simulation
 from snca_ros.cell.architecture import DEFAULT_ARCHITECTURE, Architecture
 from snca_ros.cell.models import DEFAULT_NEURON_MODEL
+from snca_ros.cell.models.arithmetic import DEFAULT_ARITHMETIC
 from snca_ros.evolution.episode import EPISODE, LONGEST, TRANSIENT
 from snca_ros.evolution.strategies import DEFAULT_STRATEGY, STRATEGIES, Strategy
 from snca_ros.evolution.tasks import DEFAULT_TASK, TASKS, check_task
 from snca_ros.files import short_name
 from snca_ros.yaml_file import read_yaml, yaml_text
 
-_LONGEST_NAME = 200  # bytes; a file name may have 255, and adds an ending to it
+_LONGEST_NAME = 180  # bytes; names of files add an ending to it, and may have 255
 
 _LATER = ('task',)
 """Keys that the config.yaml of an earlier version may lack. They are first in the file, so that one
@@ -53,7 +54,7 @@ class RunConfig:
     evaluations: int = constant(30_000, 1, 10**9, 'total number of episodes')
     seed: int = constant(0, 0, 2**32 - 1, 'seed of all random numbers')
     population: int = constant(36, 4, 100_000, 'individuals per generation')
-    sigma: float = constant(0.35, 1e-6, 100.0, 'standard deviation of the offspring')
+    sigma: float = constant(0.35, 1e-9, 100.0, 'standard deviation of the offspring')
     duration: float = constant(EPISODE, 0.1, LONGEST, 'duration of an episode', 's')
     transient: float = constant(
         TRANSIENT, 0.0, LONGEST, 'time at the start of an episode that is not scored', 's'
@@ -104,6 +105,8 @@ class RunConfig:
         parts = [self.shape, cell.name, cell.neuron_model]
         if cell.as_printed:
             parts.append('as-printed')
+        if cell.arithmetic != DEFAULT_ARITHMETIC:
+            parts.append(cell.arithmetic)
         if cell.sensors != DEFAULT_SENSORS:
             parts.append(f'sensors-{"+".join(cell.sensors)}')
         if cell.n_c != Architecture.named(cell.name, cell.neuron_model).n_c:

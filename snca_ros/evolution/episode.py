@@ -8,8 +8,8 @@ import numpy as np
 from sim_node.control_time import steps_in
 from sim_node.engine import Engine
 from sim_node.errors import check_name
+from sim_node.model.meetings import note_meetings
 from sim_node.model.sensors import center_of_mass
-from sim_node.model.walls import note_meetings
 from sim_node.munk2d.engine import PymunkEngine, move_disturbed
 from sim_node.numerics.jit import compiled
 from sim_node.simulation import Diverged, Simulation

@@ -4,9 +4,9 @@ import numpy as np
 
 from sim_node.batched.engine import Robots, advance_group
 from sim_node.control_time import steps_in
+from sim_node.model.meetings import note_meetings, table_of_meetings, walls_of
 from sim_node.model.morphology import Morphology, parse_morphology
 from sim_node.model.terrain import parse_terrain
-from sim_node.model.walls import note_meetings, table_of_meetings, walls_of
 from sim_node.numerics.jit import compiled
 from snca_ros.cell.architecture import Architecture
 from snca_ros.cell.cell_lanes import make_cells, step_group

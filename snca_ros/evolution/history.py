@@ -124,8 +124,8 @@ def _rows(path: Path) -> np.ndarray:
     except ValueError:
         expected = f'the history of a run: {", ".join(HISTORY)}'
         raise InvalidInput('file', 'other columns or values', expected, str(path)) from None
-    known = is_curve or tuple(header) == HISTORY
-    if not known or not (np.diff(table[:, 1], prepend=0) > 0).all():
+    is_known = is_curve or tuple(header) == HISTORY
+    if not is_known or not (np.diff(table[:, 1], prepend=0) > 0).all():
         expected = f'rows of {",".join(HISTORY)} with increasing evaluations'
         raise InvalidInput('file', f'{len(rows)} rows under {header}', expected, str(path))
     return table

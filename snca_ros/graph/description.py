@@ -19,7 +19,12 @@ from sim_node.ros.sim_interface import SIM_NODE, RunOptions
 from snca_ros.controller_file import TrainedController
 from snca_ros.faults import NO_FAULTS, CellFaults, Faults
 from snca_ros.files import check_new_bag, short_name
-from snca_ros.nodes.interfaces import RECORDER_NODE, VOXEL_NODE, RecorderOptions
+from snca_ros.nodes.interfaces import (
+    RECORDER_NODE,
+    VOXEL_NODE,
+    RecorderOptions,
+    VoxelOptions,
+)
 from snca_ros.yaml_file import yaml_text
 
 _LONGEST_NAME = 80  # of a default namespace; ROS allows 247 characters for a whole topic
@@ -86,7 +91,7 @@ class WalkOptions(Checked):
     """Options of a walk; see the help of `snca walk`.
 
     `only` selects the voxels of this machine (see `choose_voxels`); with `one_walk` they end when
-    the simulation ends.
+    the simulation ends. `devices` has the addresses of the devices that cells are on, by voxel.
 
     Raises:
         InvalidInput: a value has the wrong type or is out of range.
@@ -104,6 +109,8 @@ class WalkOptions(Checked):
     storage: str = same_as(RecorderOptions, 'storage')
     faults: Faults = NO_FAULTS
     simulation: dict[str, Any] = field(default_factory=dict)
+    arithmetic: str = same_as(VoxelOptions, 'arithmetic')
+    devices: dict[str, str] = field(default_factory=dict)
 
     @property
     def patience(self) -> float:
@@ -238,6 +245,7 @@ def _voxel_parameters(
     return {
         'controller': os.path.abspath(controller), 'patience': options.patience,
         'real_time': options.real_time_factor > 0.0, 'one_walk': options.one_walk, **neighbors,
+        'arithmetic': options.arithmetic, 'device': options.devices.get(name, ''),
         **options.faults.of_cells,
     }
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from sim_node.ros.deadlines import ListeningTime
+from snca_ros.files import write_text
 from snca_ros.graph.description import Graph, NodeProcess
 from snca_ros.graph.fork_server import ForkedProcess, ForkServer
 
@@ -32,7 +33,7 @@ class RunningGraph:
     def __enter__(self) -> 'RunningGraph':
         self._folder = tempfile.TemporaryDirectory(prefix='snca_ros_')
         self._params = Path(self._folder.name) / 'params.yaml'
-        self._params.write_text(self.graph.parameters_yaml())
+        write_text(self._params, self.graph.parameters_yaml())
         self._server = ForkServer(self._environment)
         try:
             for process in self.graph.processes:

@@ -24,14 +24,15 @@ class CellMessages:
 
     Attributes:
         format: of the serialised messages.
+        shape: of a message, (n_destinations, n_c, width).
     """
 
     def __init__(self, architecture: Architecture, voxel: str) -> None:
-        self._shape = (
+        self.shape = (
             architecture.n_destinations, architecture.n_c, architecture.message_width
         )
         self._spiking = architecture.spiking
-        n_destinations, n_c, width = self._shape
+        n_destinations, n_c, width = self.shape
         count = n_destinations * n_c * width
         dtype = np.uint8 if self._spiking else np.float64
         example = np.arange(1, count + 1).astype(dtype)
@@ -87,7 +88,7 @@ class CellMessages:
             numbers = numbers / 255.0
         elif not (np.abs(numbers) <= 1.0).all():
             raise InvalidInput('data', numbers.tolist(), 'values from -1 to 1')
-        return episode.tobytes(), step_of_stamp(*stamp), numbers.reshape(self._shape)
+        return episode.tobytes(), step_of_stamp(*stamp), numbers.reshape(self.shape)
 
 
 def topic_name(architecture: Architecture) -> str:

@@ -206,4 +206,4 @@ class CompiledStep:
         self._next = -1
         directions = np.flatnonzero((self._found == EXPECTED) | (self._found == OTHER))
         self._found[:] = NONE
-        return [(int(d), taken(self._inputs, d)) for d in directions]
+        return [(d, taken(self._inputs, d)) for d in directions.tolist()]

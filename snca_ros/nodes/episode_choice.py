@@ -4,6 +4,7 @@ This module does not import ROS.
 """
 
 from collections import deque
+from enum import Enum
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -12,6 +13,15 @@ from sim_node.episode import simulation_of_episode
 
 _MAX_PAST = 16  # names of past episodes that are kept
 _SHOWN = 5.0  # seconds for which the diagnostics show sensors of another simulation
+
+
+class SensorsResult(Enum):
+    """Whether sensors were accepted; a value is the diagnostics' name of the counter."""
+
+    ACCEPTED = 'accepted sensors'
+    REPEATED = 'repeated sensors'
+    PAST = 'sensors of a past episode'
+    FOREIGN = 'sensors of another simulation'
 
 
 class Simulations(Protocol):

@@ -1,12 +1,16 @@
-"""Buffers the messages of a neighbour until the control step that needs them."""
+"""Buffers the messages of the neighbours until the control step that needs them."""
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
+from sim_node.model.morphology import OPPOSITE
+from sim_node.ros.delivery import Delivery
+
 _MAX_OTHERS = 16  # messages of other episodes that are kept; in lock-step one would be enough
 _MAX_PAST = 16  # names of past episodes that are kept
+_OVERDUE_STEPS = 15  # steps without a message after which the diagnostics name a neighbour
 
 
 class MessageBuffer:
@@ -62,3 +66,91 @@ class MessageBuffer:
     def pop(self, step: int) -> np.ndarray | None:
         """Remove and return the message for a step of the current episode; None if it is absent."""
         return self._messages.pop((self._episode, step), None)
+
+
+class Inbox:
+    """The messages of all neighbours of a voxel, on time or not.
+
+    Args:
+        directions: indices of DIRECTIONS in which the voxel has neighbours.
+        directional: whether a message has a part for each direction.
+        empty: an inbox without messages, zeros of shape (4, n_c, width).
+        may_begin: as for `MessageBuffer`.
+
+    Attributes:
+        silent: directions of the neighbours that the voxel no longer waits for.
+        deliveries: counts of messages on time, late and lost, by direction.
+    """
+
+    def __init__(
+        self, directions: Iterable[int], directional: bool, empty: np.ndarray,
+        may_begin: Callable[[bytes], bool],
+    ) -> None:
+        self._directional, self._messages = directional, empty
+        self._buffers = {d: MessageBuffer(may_begin) for d in directions}
+        self.silent: set[int] = set()
+        self.deliveries = {d: Delivery() for d in self._buffers}
+
+    def restart(self) -> None:
+        """Begin an episode; messages that neighbours have sent in it already are kept."""
+        self.silent.clear()
+        for delivery in self.deliveries.values():
+            delivery.restart()
+
+    def advance_to(self, episode: bytes, step: int) -> None:
+        """Set the current episode and step, and drop the messages for earlier steps."""
+        for buffer in self._buffers.values():
+            buffer.advance_to(episode, step)
+
+    def put(self, direction: int, episode: bytes, step: int, message: np.ndarray) -> bool:
+        """Keep a message unless it is late or repeated; return whether it was neither."""
+        return self._buffers[direction].put(episode, step, message)
+
+    def note_arrival(self, direction: int, step: int) -> None:
+        """Record that a neighbour has sent a message of the current episode: it is not silent."""
+        self.deliveries[direction].note_late(step)
+        self.silent.discard(direction)
+
+    def missing(self, step: int) -> list[int]:
+        """Return the directions from which a message of `step` is awaited and has not arrived.
+
+        A neighbour that has sent a message of the next step is not awaited: it was killed while it
+        published, and restarted.
+        """
+        return [
+            d for d, buffer in self._buffers.items()
+            if step not in buffer and step + 1 not in buffer and d not in self.silent
+        ]
+
+    def overdue(self, step: int) -> list[int]:
+        """Return the directions from which no message was on time in the last 15 steps."""
+        return [
+            d for d, delivery in self.deliveries.items()
+            if step - delivery.newest > _OVERDUE_STEPS
+        ]
+
+    def take(self, step: int) -> np.ndarray:
+        """Remove and return the messages of a step for the cell, (4, n_c, width).
+
+        Those that have not arrived are 0. Before step 0 there are none.
+        """
+        for d, buffer in self._buffers.items():
+            message = buffer.pop(step)
+            if step >= 0:
+                self.deliveries[d].close_step(step, message is not None)
+            if message is None:
+                self._messages[d] = 0.0
+            else:
+                self._messages[d] = message[OPPOSITE[d] if self._directional else 0]
+        return self._messages
+
+    def received(self, step: int) -> dict[int, np.ndarray]:
+        """Return the messages of a step that have arrived, by direction."""
+        found = {d: buffer.get(step) for d, buffer in self._buffers.items()}
+        return {d: message for d, message in found.items() if message is not None}
+
+    def note_all_on_time(self, episode: bytes, step: int) -> None:
+        """Record that the caller has used all messages of a step, and advance to that step."""
+        for d, buffer in self._buffers.items():
+            self.deliveries[d].close_step(step, True)
+            buffer.advance_to(episode, step)

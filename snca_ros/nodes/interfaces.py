@@ -4,9 +4,19 @@ from dataclasses import astuple, dataclass
 
 from sim_node.model.constants import Checked, choice, constant, flag, text_value
 from sim_node.ros.interface import DIAGNOSTICS, ROSOUT, NodeInterface, Parameters, Topic
-from sim_node.ros.sim_interface import ACTUATION, CLOCK, MARKERS, ODOMETRY, PRESENCE, SENSORS
+from sim_node.ros.sim_interface import (
+    ACTUATION,
+    APPLIED,
+    CLOCK,
+    MARKERS,
+    ODOMETRY,
+    PRESENCE,
+    SENSORS,
+)
 from snca_ros.cell.coding import SNN_STEPS
+from snca_ros.cell.models.arithmetic import ARITHMETICS, DEFAULT_ARITHMETIC
 from snca_ros.faults import FAULTS_OF_CELLS, Faults
+from snca_ros.firmware.lines import EXPECTED
 
 STORAGES = ('mcap', 'sqlite3')
 """Storage formats of bags."""
@@ -51,6 +61,12 @@ class VoxelOptions(Checked):
         False, "step when sensors arrive, without waiting for the neighbours' messages"
     )
     one_walk: bool = flag(False, 'end when the simulation ends')
+    arithmetic: str = choice(
+        DEFAULT_ARITHMETIC, ARITHMETICS, 'arithmetic of the cell, as that of its firmware'
+    )
+    device: str = text_value(
+        '', 'device that the cell is on; empty for a cell in the process of the node', EXPECTED
+    )
 
 
 @dataclass(frozen=True)
@@ -103,7 +119,7 @@ NEIGHBORS = Parameters(NeighborNames, 'neighbor.')
 FAULTS = Parameters(Faults, only=FAULTS_OF_CELLS)
 RECORDER = Parameters(RecorderOptions)
 
-_OF_ROBOT = (SENSORS, ACTUATION, SPIKES, VALUES, ODOMETRY, MARKERS)
+_OF_ROBOT = (SENSORS, ACTUATION, SPIKES, VALUES, ODOMETRY, MARKERS, APPLIED)
 
 VOXEL_NODE = NodeInterface(
     'voxel_node', 'Voxel',

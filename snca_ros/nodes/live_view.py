@@ -7,14 +7,15 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
+from rclpy.subscription import Subscription
 from sensor_msgs.msg import Image, JointState
 from visualization_msgs.msg import MarkerArray
 
 from sim_node.control_time import step_of_stamp
 from sim_node.ros import topics
 from sim_node.ros.interface import DIAGNOSTICS
-from sim_node.ros.node_base import RosNode
-from sim_node.ros.sim_interface import ACTUATION, MARKERS, ODOMETRY, SENSORS
+from sim_node.ros.node_base import RosNode, take_all
+from sim_node.ros.sim_interface import ACTUATION, APPLIED, MARKERS, ODOMETRY, SENSORS
 from snca_ros.cell.coding import pack_trains
 from snca_ros.controller_file import TrainedController
 from snca_ros.nodes.cell_messages import CellMessages, topic_name
@@ -34,8 +35,9 @@ class ViewNode(RosNode):
         robot: namespace of the robot.
         trained: its controller.
         send: called with each frame, ready for JSON: `step`, `x`, `y` [m], `corners` [m] of the
-            newest pose, `area`, `touch` and `actuation` of each voxel, `messages`, rows of step,
-            voxel and numbers sent, and `health`, level and text of each node by its name.
+            newest pose, `area`, `touch` and applied `actuation` of each voxel, `messages`, rows of
+            step, voxel and numbers sent, `ages`, rows of step and the age of each voxel's answer
+            as in `applied_actuation`, and `health`, level and text of each node by its name.
     """
 
     def __init__(
@@ -55,6 +57,8 @@ class ViewNode(RosNode):
         self._actuation = [topics.actuation_format(voxel) for voxel in voxels]
         self._messages = [CellMessages(trained.architecture, voxel) for voxel in voxels]
         self._odometry_box = self.create_mailbox(Odometry, ODOMETRY.name, qos)
+        self._applied_wire = topics.applied_format(robot, voxels)
+        self._applied_box = self.create_mailbox(JointState, APPLIED.name, qos)
         self._markers_box = self.create_mailbox(MarkerArray, MARKERS.name, qos)
         self._boxes = {
             kind: [self.create_mailbox(of_type, f'{voxel}/{name}', qos) for voxel in voxels]
@@ -96,7 +100,11 @@ class ViewNode(RosNode):
         frame, sent = self._frame, []
         for step, x, y in self._read('odometry', self._odometry_box, self._position):
             frame['step'], frame['x'], frame['y'] = step, x, y
-        for data in self._markers_box():
+        frame['ages'] = []
+        for step, applied, ages in self._read('applied', self._applied_box, self._applied):
+            frame['actuation'] = applied
+            frame['ages'].append([step, ages])
+        for data in take_all(self._markers_box):
             corners = self._robot.decode(data)
             if corners is not None:
                 frame['corners'] = corners.round(_DIGITS).ravel().tolist()
@@ -104,8 +112,7 @@ class ViewNode(RosNode):
             voxel = self._voxels[i]
             for readings in self._read(f'{voxel}/sensors', sensors, partial(self._readings, i)):
                 frame['area'][i], frame['touch'][i] = self._shown(readings)
-            for a in self._read(f'{voxel}/actuation', actuation, partial(self._action, i)):
-                frame['actuation'][i] = a
+            self._read(f'{voxel}/actuation', actuation, partial(self._action, i))  # checked only
             sent += self._read(f'{voxel}/messages', messages, partial(self._cell_message, i))
         if 'step' in frame and 'corners' in frame:
             self._send({**frame, 'messages': sent})
@@ -116,11 +123,11 @@ class ViewNode(RosNode):
         return [round(float(n), _DIGITS) if np.isfinite(n) else None for n in numbers]
 
     def _read(
-        self, topic: str, take: Callable[[], list[bytes]], read: Callable[[bytes], Any]
+        self, topic: str, mailbox: Subscription, read: Callable[[bytes], Any]
     ) -> list[Any]:
         """Return the messages that have arrived, decoded by `read`; refuse those that it cannot."""
         found = []
-        for data in take():
+        for data in take_all(mailbox):
             try:
                 found.append(read(data))
             except Exception as error:  # rclpy raises various ones for bytes of another layout
@@ -133,6 +140,11 @@ class ViewNode(RosNode):
 
     def _readings(self, i: int, data: bytes) -> np.ndarray:
         return topics.read_joint_state(self._sensors[i], data, 0.0, 1.0)[2]
+
+    def _applied(self, data: bytes) -> tuple[int, list[float], list[int]]:
+        """Return step, actuation and ages of all voxels."""
+        stamp, (applied, ages) = self._applied_wire.decode(data, 'position', 'effort')
+        return step_of_stamp(*stamp), applied.round(_DIGITS).tolist(), ages.astype(int).tolist()
 
     def _action(self, i: int, data: bytes) -> float:
         return float(topics.read_joint_state(self._actuation[i], data, -1.0, 1.0)[2][0])

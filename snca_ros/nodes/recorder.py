@@ -32,7 +32,7 @@ from sim_node.ros.node_base import RosNode, run_nodes
 from sim_node.ros.sim_interface import CLOCK, MARKERS
 from sim_node.ros.strangers import Strangers
 from sim_node.ros.topics import stream_qos
-from snca_ros.files import RESERVE, check_new_bag, room_for
+from snca_ros.files import BAGS, RESERVE, check_new_bag, room_for
 from snca_ros.nodes.interfaces import RECORDER, RECORDER_NODE, RecorderOptions
 from snca_ros.nodes.message_definitions import MessageDefinitions, message_class
 from snca_ros.recording.streams import KINDS
@@ -57,7 +57,7 @@ class RecorderNode(RosNode):
 
     def __init__(self) -> None:
         super().__init__(RECORDER_NODE.name)
-        new = RecorderOptions(f'bags/{datetime.now():%Y%m%d-%H%M%S}')
+        new = RecorderOptions(f'{BAGS}/{datetime.now():%Y%m%d-%H%M%S}')
         options = declare(self, RECORDER, new)
         check_unknown_parameters(self)
         self._definitions = MessageDefinitions()
@@ -65,6 +65,8 @@ class RecorderNode(RosNode):
         self._topics: set[str] = set()
         self._unrecorded: dict[str, str] = {}  # their types
         self._last_message = 0.0
+        # Receipt times never go back, also if the clock of the machine is set while it records.
+        self._clock_offset = time.time_ns() - time.monotonic_ns()
         self._writer = self._open(Path(options.bag), options.storage)
         self._newest_topic = time.monotonic()
         self._discovery_timer = self.create_timer(_DISCOVERY_PERIOD, self._discover_topics)
@@ -124,7 +126,8 @@ class RecorderNode(RosNode):
         self._last_message = self.listening.now()
         if self.exit_code is None:
             with self._ending_on_error('written'):
-                self._writer.write(connection, time.time_ns(), data)
+                now = self._clock_offset + time.monotonic_ns()
+                self._writer.write(connection, now, data)
                 self.count('messages')
 
     def _flush(self) -> None:

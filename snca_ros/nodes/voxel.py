@@ -6,10 +6,13 @@ timers and diagnostics. In control step k it publishes message(k), then `actuati
 """
 
 import argparse
+import contextlib
 import sys
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.qos import DurabilityPolicy
+from rclpy.subscription import Subscription
 from rclpy.utilities import remove_ros_args
 from sensor_msgs.msg import Image, JointState
 
@@ -18,7 +21,7 @@ from sim_node.errors import InvalidInput
 from sim_node.ros import rcl_functions, topics
 from sim_node.ros.declared_parameters import check_unknown_parameters, declare
 from sim_node.ros.delivery import delivery_statistics
-from sim_node.ros.node_base import RosNode, run_nodes, take_all
+from sim_node.ros.node_base import BAD_INPUT, RosNode, run_nodes, take_all
 from sim_node.ros.sim_interface import ACTUATION, SENSORS
 from sim_node.ros.simulations import Simulations
 from snca_ros.faults import NO_FAULTS
@@ -30,6 +33,7 @@ from snca_ros.nodes.interfaces import NeighborNames, VoxelOptions
 from snca_ros.nodes.mismatch import PhysicsMismatch
 from snca_ros.nodes.own_part import check_names, load_own_part
 from snca_ros.nodes.voxel_core import POLL_PERIOD, Answer, SensorsResult, VoxelCore
+from snca_ros.nodes.voxel_health import describe_voxel
 
 _JOIN_PAUSE = 0.05  # seconds without sensors after which a joining voxel has received the newest
 _SWEEP_PERIOD = 0.1  # seconds between emptyings of the mailboxes when no step is made
@@ -51,7 +55,9 @@ class VoxelNode(RosNode):
             self.create_timer(_SIMULATION_PERIOD, self._end_with_simulation)
         check_names(self._voxel, names, self.where())
         self._neighbors = {d: n for d, n in enumerate(names) if n}
-        part = load_own_part(path, self._voxel, faults, self.where())
+        part = load_own_part(
+            path, self._voxel, faults, self.where(), options.arithmetic, options.device
+        )
         self._architecture = part.architecture
         self._core = VoxelCore(
             part, self._neighbors, patience=options.patience, real_time=options.real_time,
@@ -59,10 +65,11 @@ class VoxelNode(RosNode):
         )
         self._mismatch = PhysicsMismatch(path, part.physics, self.get_logger().warning)
         self._create_topics()
-        self._usual = self._compiled_step() if rcl_functions.AVAILABLE else None
+        self._usual = self._compiled_step()
         self._duplicate = DuplicateDetector(self, self._voxel)
+        self._newest: Subscription | None = None  # only while it joins late, in real time
         self._join_timer = self.create_timer(_JOIN_PAUSE, self._join)
-        # Runs only while a neighbour's message is late: nearly always it arrives before sensors.
+        # Runs only while a neighbour's message or a device's answer is late.
         self._poll_timer = self.create_timer(POLL_PERIOD, self._try_step)
         self._poll_timer.cancel()
         # While no step is made, a flood of messages would push needed ones out of the mailboxes.
@@ -87,7 +94,11 @@ class VoxelNode(RosNode):
             JointState, SENSORS.of(voxel), self._on_sensors, queue, raw=True
         )
 
-    def _compiled_step(self) -> CompiledStep:
+    def _compiled_step(self) -> CompiledStep | None:
+        """Return what makes usual steps, None if the cell or this ROS is not usual."""
+        state = self._core.cell.plain_state
+        if state is None or not rcl_functions.AVAILABLE:
+            return None
         inputs = {
             d: (mailbox, self._neighbor_messages[d].format)
             for d, mailbox in self._mailboxes.items()
@@ -96,15 +107,13 @@ class VoxelNode(RosNode):
             (self._messages_out, self._messages.format),
             (self._actuation_out, self._actuation_wire),
         ]
-        return CompiledStep(
-            self._core.cell_state, self._architecture.directional, self._sensors_wire, inputs,
-            outputs,
-        )
+        directional = self._architecture.directional
+        return CompiledStep(state, directional, self._sensors_wire, inputs, outputs)
 
     def _on_sensors(self, data: bytes) -> None:
         if self._usual:
             if self._usual.attempt(data):
-                self._core.note_usual_step(time.monotonic())
+                self._core.note_usual_step(self.listening.now())
                 self.count('steps')
                 return
             self._end_usual_steps()
@@ -124,6 +133,8 @@ class VoxelNode(RosNode):
     def _use_sensors(self) -> None:
         if self._core.joining:
             self._join_timer.reset()
+        if self._core.needs_newest and self._newest is None:
+            self._subscribe_to_newest()
         self._try_step()
 
     def _end_usual_steps(self) -> None:
@@ -137,25 +148,44 @@ class VoxelNode(RosNode):
 
         While no step is made, a flood of messages would push needed ones out of the mailboxes.
         """
-        if self._core.follow_other_simulation(self.listening.now()):
+        now = self.listening.now()
+        if self._core.follow_other_simulation(now):
             self._use_sensors()
         if self._core.step == self._swept_step:
             self._end_usual_steps()
             self._take_messages()
         self._swept_step = self._core.step
+        if self._core.unanswered:
+            return
+        try:
+            self._core.cell.poll(now)  # lets a device say hello, or finds it again
+        except InvalidInput as error:
+            self._refuse_device(error)
+
+    def _subscribe_to_newest(self) -> None:
+        """Subscribe to the sensors that are published from now on, besides those of the past."""
+        qos = topics.stream_qos(1)
+        qos.durability = DurabilityPolicy.VOLATILE
+        self._newest = self.create_subscription(
+            JointState, SENSORS.of(self._voxel), self._on_newest, qos, raw=True
+        )
+
+    def _on_newest(self, data: bytes) -> None:
+        with contextlib.suppress(InvalidInput):  # `_on_sensors` refuses it
+            episode, step, _ = topics.read_joint_state(self._sensors_wire, data, 0.0, 1.0)
+            self._core.note_published(episode, step)
 
     def _join(self) -> None:
         """Take part from the newest step on, unless another node of this voxel is active."""
         if self._core.join(self._duplicate.is_active):
             self._join_timer.cancel()
             self._duplicate.close()
+            self.publish_diagnostics()  # so that a bag knows each process, if it is killed soon
+            if self._newest:
+                self.destroy_subscription(self._newest)
+            if (step := self._core.missed_step) is not None:
+                self._send_message(self._core.episode, step, np.zeros(self._messages.shape))
             self._try_step()
-
-    def _sweep(self) -> None:
-        if self._core.step == self._swept_step:
-            self._end_usual_steps()
-            self._take_messages()
-        self._swept_step = self._core.step
 
     def _take_messages(self) -> None:
         for direction, mailbox in self._mailboxes.items() if self._core.joined else ():
@@ -174,37 +204,20 @@ class VoxelNode(RosNode):
 
     def health(self) -> tuple[bytes, str]:
         """Return level and text for /diagnostics: its state, and what is wrong around it."""
-        level, text = self._state()
-        ignores = self._core.episodes.ignores(self.listening.now())
-        ignored = 'sensors of another simulation are ignored' if ignores else ''
-        wrong = [part for part in (ignored, self._mismatch.text) if part]
-        return DiagnosticStatus.WARN if wrong else level, '; '.join([text, *wrong])
-
-    def _state(self) -> tuple[bytes, str]:
-        """Return level and text: the control step, and the neighbours that are awaited."""
-        core = self._core
-        if core.held_back:
-            return DiagnosticStatus.WARN, 'held back: another node publishes for this voxel'
-        if core.step < 0:
-            return DiagnosticStatus.OK, 'no sensors received yet'
-        if overdue := core.overdue:
-            return DiagnosticStatus.WARN, f'step {core.step}, silent: {self._names(overdue)}'
-        if not core.unanswered:
-            age = self.listening.now() - core.since
-            return DiagnosticStatus.OK, f'step {core.step}, sensors received {age:.1f} s ago'
-        if not core.awaited:
-            return DiagnosticStatus.OK, f'step {core.step}'
-        return DiagnosticStatus.OK, f'step {core.step} waits for {self._names(core.awaited)}'
-
-    def _names(self, directions: list[int]) -> str:
-        return ', '.join(self._neighbors[d] for d in directions)
+        now = self.listening.now()
+        is_wrong, text = describe_voxel(self._core, self._neighbors, now)
+        ignored = self._core.episodes.ignores(now)
+        others = 'sensors of another simulation are ignored' if ignored else ''
+        wrong = [part for part in (others, self._mismatch.text) if part]
+        level = DiagnosticStatus.WARN if is_wrong or wrong else DiagnosticStatus.OK
+        return level, '; '.join([text, *wrong])
 
     def statistics(self) -> dict[str, int]:
         """Return the counts of messages on time, late and lost by topic, for /diagnostics."""
         topic = topic_name(self._architecture)
         deliveries = {SENSORS.of(self._voxel): self._core.sensors_delivery}
         deliveries |= {f'{self._neighbors[d]}/{topic}': x for d, x in self._core.deliveries.items()}
-        return delivery_statistics(deliveries)
+        return {**delivery_statistics(deliveries), **self._core.cell.counts()}
 
     def _try_step(self) -> None:
         """Step if sensors(k) and all neighbours' messages(k - 1) have arrived; else poll again."""
@@ -212,7 +225,11 @@ class VoxelNode(RosNode):
             return
         self._take_messages()
         now = self.listening.now()
-        answer = self._core.answer(now)
+        try:
+            answer = self._core.answer(now)
+        except InvalidInput as error:
+            self._refuse_device(error)
+            return
         if answer is None:
             self._poll_timer.timer_period_ns = int(self._core.poll_period(now) * 1e9)
             self._poll_timer.reset()
@@ -225,11 +242,19 @@ class VoxelNode(RosNode):
         if answer.newly_silent:
             self.count('times a neighbour fell silent')
         self._publish(answer)
+        if self._core.unanswered:  # by sensors that came before the answer of a device
+            self._try_step()
+
+    def _refuse_device(self, error: InvalidInput) -> None:
+        """End the process, since the device runs other firmware."""
+        if self.exit_code is None:
+            print(f'error: {self.get_fully_qualified_name()}: {error}', file=sys.stderr)
+            self.exit_code = BAD_INPUT
 
     def _publish(self, answer: Answer) -> None:
         self._mismatch.check(answer.episode)
         stamp, episode = stamp_of_step(answer.step), np.frombuffer(answer.episode, np.uint8)
-        self._messages_out.publish(self._messages.encode(episode, stamp, answer.outbox))
+        self._send_message(answer.episode, answer.step, answer.outbox)
         self._actuation_out.publish(
             self._actuation_wire.encode(stamp, position=np.array([answer.actuation]),
                                         episode=episode)
@@ -238,6 +263,10 @@ class VoxelNode(RosNode):
         if self._usual and self._core.usual:
             self._usual.prepare(answer.episode, answer.step, self._core.received())
 
+    def _send_message(self, episode: bytes, step: int, outbox: np.ndarray) -> None:
+        name = np.frombuffer(episode, np.uint8)
+        self._messages_out.publish(self._messages.encode(name, stamp_of_step(step), outbox))
+
     def _end_with_simulation(self) -> None:
         exists = bool(self._simulations.others())
         if self._simulation_seen and not exists:
@@ -245,7 +274,8 @@ class VoxelNode(RosNode):
         self._simulation_seen = exists or self._core.step >= 0
 
     def close(self) -> None:
-        """Wait until the subscribers have received what was published."""
+        """Close the line to a device; wait until the subscribers have received what was sent."""
+        self._core.cell.close()
         self.wait_for_readers([self._messages_out, self._actuation_out])
 
 

@@ -5,34 +5,23 @@ it returns.
 """
 
 from collections.abc import Callable, Iterable
-from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
 
 from sim_node.control_time import START_STEPS
 from sim_node.errors import InvalidInput
-from sim_node.model.morphology import OPPOSITE
 from sim_node.ros.delivery import Delivery
-from snca_ros.nodes.episode_choice import EpisodeChoice, Sensors, Simulations
-from snca_ros.nodes.inbox import MessageBuffer
+from snca_ros.nodes.episode_choice import EpisodeChoice, Sensors, SensorsResult, Simulations
+from snca_ros.nodes.inbox import Inbox
+from snca_ros.nodes.own_cell import FaultyCell
 from snca_ros.nodes.own_part import OwnPart
 
-_JOIN_LIMIT = 0.2  # seconds after the first sensors; in real time there is no pause between them
+_JOIN_LIMIT = 0.2  # seconds after the first sensors, if there is no pause between them
 _MAX_POLL_PERIOD = 0.05  # seconds; reached when the neighbour is probably dead
-_OVERDUE_STEPS = 15  # steps without a message after which the diagnostics name a neighbour
 
 POLL_PERIOD = 0.001
 """Initial period [s] of polling for a neighbour's message that is late."""
-
-
-class SensorsResult(Enum):
-    """Whether sensors were accepted; a value is the diagnostics' name of the counter."""
-
-    ACCEPTED = 'accepted sensors'
-    REPEATED = 'repeated sensors'
-    PAST = 'sensors of a past episode'
-    FOREIGN = 'sensors of another simulation'
 
 
 class Answer(NamedTuple):
@@ -70,6 +59,7 @@ class VoxelCore:
         simulations: finds out which simulations exist.
 
     Attributes:
+        cell: the cell with its faults.
         joined: whether it takes part.
         held_back: whether it does not take part because another node publishes for this voxel.
         episodes: the current episode, and which one may follow.
@@ -83,14 +73,15 @@ class VoxelCore:
         self, part: OwnPart, directions: Iterable[int], *, patience: float, real_time: bool,
         horizon: int, simulations: Simulations,
     ) -> None:
-        self._cells, self._faults = part.cells, part.faults
-        self.cell_state = part.cells.state
-        self._directional = part.architecture.directional
+        self.cell = FaultyCell(part.cell, part.faults, part.architecture)
         self._patience, self._real_time, self._horizon = patience, real_time, horizon
         self.episodes = EpisodeChoice(simulations)
-        self._buffers = {d: MessageBuffer(self.episodes.is_live) for d in directions}
+        self._inbox = Inbox(
+            directions, part.architecture.directional, self.cell.empty_inbox(),
+            self.episodes.is_live,
+        )
         self.joined = self.held_back = False
-        self.sensors_delivery, self.deliveries = Delivery(), {d: Delivery() for d in self._buffers}
+        self.sensors_delivery, self.deliveries = Delivery(), self._inbox.deliveries
         self._reset(0.0)
 
     @property
@@ -103,15 +94,14 @@ class VoxelCore:
 
         Messages that neighbours have sent in the new episode already are kept.
         """
-        self._cells.reset()
-        self._faults.reset()
-        self._inbox = self._cells.empty_inbox()
-        self._readings: np.ndarray | None = None  # sensors(k) not yet answered
+        self.cell.reset()
+        self._inbox.restart()
+        self.sensors_delivery.restart()
+        self._readings: np.ndarray | None = None  # sensors(k) whose step has not begun
+        self._newly_silent: tuple[int, ...] = ()  # in the step that has begun
         self.step = -1
+        self._newest_published: int | None = None
         self.since = self._first_received = now
-        self._silent: set[int] = set()
-        for delivery in (self.sensors_delivery, *self.deliveries.values()):
-            delivery.restart()
 
     def receive_sensors(
         self, episode: bytes, step: int, readings: np.ndarray, now: float
@@ -141,8 +131,7 @@ class VoxelCore:
             return SensorsResult.REPEATED
         self.sensors_delivery.arrive(step)
         self.step, self._readings, self.since = step, readings, now
-        for buffer in self._buffers.values():
-            buffer.advance_to(episode, step - 1)
+        self._inbox.advance_to(episode, step - 1)
         return SensorsResult.ACCEPTED
 
     def follow_other_simulation(self, now: float) -> bool:
@@ -172,9 +161,8 @@ class VoxelCore:
         """
         self._check_horizon(episode, step)
         if episode == self.episode:
-            self.deliveries[direction].note_late(step)
-            self._silent.discard(direction)
-        return self._buffers[direction].put(episode, step, message)
+            self._inbox.note_arrival(direction, step)
+        return self._inbox.put(direction, episode, step, message)
 
     def _check_horizon(self, episode: bytes, step: int) -> None:
         latest = self.step + self._horizon
@@ -186,9 +174,29 @@ class VoxelCore:
         """Return whether a voxel that has received sensors should wait for newer ones to join.
 
         A voxel that joins late receives first the sensors of steps that are over; it must not
-        answer them.
+        answer them. In lock-step it catches up after it has joined; in real time it joins at the
+        newest step.
         """
-        return not self.joined and self.since - self._first_received < _JOIN_LIMIT
+        if self.joined:
+            return False
+        return self._behind or self.since - self._first_received < _JOIN_LIMIT
+
+    @property
+    def _behind(self) -> bool:
+        """Return whether, in real time, there may be newer sensors than those received."""
+        late = self._real_time and self.step >= START_STEPS
+        newest = self._newest_published
+        return late and (newest is None or self.step < newest)
+
+    @property
+    def needs_newest(self) -> bool:
+        """Return whether a voxel that joins late must be told which step is the newest."""
+        return not self.joined and self._behind and self._newest_published is None
+
+    def note_published(self, episode: bytes, step: int) -> None:
+        """Note that sensors have been published just now, so that older ones are over."""
+        if episode == self.episode:
+            self._newest_published = step
 
     def join(self, has_duplicate: Callable[[bytes], bool]) -> bool:
         """Take part from the newest step on, if there is one; return whether it takes part now.
@@ -196,36 +204,41 @@ class VoxelCore:
         Args:
             has_duplicate: returns whether another node publishes for this voxel in an episode.
         """
-        self.held_back = self.unanswered and has_duplicate(self.episode)
-        self.joined = self.joined or (self.unanswered and not self.held_back)
+        ready = self.unanswered and not self._behind
+        self.held_back = ready and has_duplicate(self.episode)
+        self.joined = self.joined or (ready and not self.held_back)
         return self.joined
+
+    @property
+    def missed_step(self) -> int | None:
+        """Return the step for which a voxel that has just joined must send silence; None for none.
+
+        It is the step before the one that it joins at. A neighbour that was restarted, too, waits
+        for its message, which nobody else has kept. Others have it, or have gone on without.
+        """
+        return self.step - 1 if self._waits else None
+
+    @property
+    def _waits(self) -> bool:
+        """Return whether the present step needs messages of the one before."""
+        return self.step > 0 and not (self._real_time and self.step >= START_STEPS)
 
     @property
     def unanswered(self) -> bool:
         """Return whether there are sensors that the voxel has not answered."""
-        return self._readings is not None
+        return self._readings is not None or self.cell.busy
 
     @property
     def awaited(self) -> list[int]:
-        """Return the directions from which a message of the last step has not arrived yet.
-
-        A neighbour that has sent a message of a later step is not awaited: it was killed while it
-        published, and restarted.
-        """
-        if self.step < 1 or (self._real_time and self.step >= START_STEPS):
+        """Return the directions from which a message of the last step has not arrived yet."""
+        if self.cell.busy or not self._waits:
             return []
-        return [
-            d for d, buffer in self._buffers.items()
-            if self.step - 1 not in buffer and self.step not in buffer and d not in self._silent
-        ]
+        return self._inbox.missing(self.step - 1)
 
     @property
     def overdue(self) -> list[int]:
         """Return the directions from which no message was on time in the last 15 steps."""
-        return [
-            d for d, delivery in self.deliveries.items()
-            if self.step - delivery.newest > _OVERDUE_STEPS
-        ]
+        return self._inbox.overdue(self.step)
 
     def poll_period(self, now: float) -> float:
         """Return how long to wait before the next check for awaited messages [s].
@@ -238,54 +251,47 @@ class VoxelCore:
     def answer(self, now: float) -> Answer | None:
         """Step the cell if its inputs are complete; return what to publish, or None.
 
+        A device may answer later. Sensors that arrive meanwhile wait for its answer, as they do in
+        the queue of a busy process; of several, the newest count.
+
         Args:
             now: the time [s].
+
+        Raises:
+            InvalidInput: the device runs other firmware.
         """
-        if self._readings is None or not self.joined:
+        if not self.cell.busy:
+            self._begin_step(now)
+        if (result := self.cell.poll(now)) is None:
             return None
+        step, actuation, outbox = result
+        return Answer(self.episode, step, outbox, actuation, self._newly_silent)
+
+    def _begin_step(self, now: float) -> None:
+        """Begin the step of the newest sensors if the cell's inputs are complete."""
+        if self._readings is None or not self.joined:
+            return
         if newly_silent := tuple(self.awaited):
             # In the first steps neighbours may not have discovered each other yet.
             patience = self._patience if self.step >= START_STEPS else 10.0 * self._patience
             if not patience or now - self.since < patience:
-                return None
-            self._silent.update(newly_silent)
-        self._fill_inbox()
-        inbox = self._faults.hear(self.step, self._inbox)
-        if self._faults.dead(self.step):
-            self._cells.reset()  # no spikes, no actuation, and no memory when it revives
-            a = 0.0
-        else:
-            a = self._cells.step_cell(0, self._readings, inbox, self.step)
-        self._readings = None
-        return Answer(self.episode, self.step, self._cells.outbox[0], a, newly_silent)
+                return
+            self._inbox.silent.update(newly_silent)
+        messages = self._inbox.take(self.step - 1)
+        self.cell.begin_step(self.step, self._readings, messages, now)
+        self._readings, self._newly_silent = None, newly_silent
 
     @property
     def usual(self) -> bool:
         """Return whether the next step needs nothing but sensors and all neighbours' messages."""
-        return self.joined and not (self.unanswered or self._silent or self._faults.any)
+        return self.joined and not (self.unanswered or self._inbox.silent)
 
     def received(self) -> dict[int, np.ndarray]:
-        """Return the messages of the present step that were received already, by direction."""
-        return {
-            d: message for d, buffer in self._buffers.items()
-            if (message := buffer.get(self.step)) is not None
-        }
+        """Return the messages of the present step that have arrived already, by direction."""
+        return self._inbox.received(self.step)
 
     def note_usual_step(self, now: float) -> None:
         """Record that the caller has made the next step, with all messages on time."""
-        self.sensors_delivery.arrive(self.step + 1)
-        for d, buffer in self._buffers.items():
-            self.deliveries[d].close_step(self.step, True)
-            buffer.advance_to(self.episode, self.step)
+        self._inbox.note_all_on_time(self.episode, self.step)
         self.step, self.since = self.step + 1, now
-
-    def _fill_inbox(self) -> None:
-        """Move the neighbours' messages of the last step into the inbox."""
-        for d, buffer in self._buffers.items():
-            message = buffer.pop(self.step - 1)
-            if self.step > 0:
-                self.deliveries[d].close_step(self.step - 1, message is not None)
-            if message is None:
-                self._inbox[d] = 0.0
-            else:
-                self._inbox[d] = message[OPPOSITE[d] if self._directional else 0]
+        self.sensors_delivery.arrive(self.step)

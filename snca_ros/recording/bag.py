@@ -1,7 +1,6 @@
 """Reads one episode of a bag as a `Recording`."""
 
-import re
-from collections.abc import Iterable
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,17 +9,33 @@ import numpy as np
 from sim_node.episode import UNKNOWN_PHYSICS, physics_of_episode
 from sim_node.errors import InvalidInput
 from sim_node.model.sensors import DEFAULT_SENSORS
+from snca_ros.recording.diagnostics import TOPIC as DIAGNOSTICS
 from snca_ros.recording.diagnostics import NodeHealth, read_health
+from snca_ros.recording.episodes import number_episodes, one_episode
+from snca_ros.recording.kills import count_kills, lost_by_kills, published_twice
+from snca_ros.recording.outcomes import Outcomes, find_outcomes
 from snca_ros.recording.poses import read_poses
 from snca_ros.recording.recording import Recording, TopicCount
 from snca_ros.recording.storage import Topic, read_storage
 from snca_ros.recording.streams import KINDS, Stream, decode
+from snca_ros.recording.topics import (
+    APPLIED,
+    CLOCK,
+    MARKERS,
+    ODOMETRY,
+    Role,
+    declared_name,
+    find_topics,
+    voxel_names,
+)
 
-_VOXEL_TOPIC = re.compile(r'/(voxel_\d+_\d+)/(sensors|actuation|spikes|values)')
+_CELL_MESSAGES = ('spikes', 'values')
 
 
 def read_bag(path: Path | str, episode: int = -1) -> Recording:
     """Read one episode of the bag at `path`.
+
+    A message that is invalid is counted and left out; it never makes a bag unreadable.
 
     Args:
         path: a rosbag2 folder, MCAP or sqlite3.
@@ -33,123 +48,136 @@ def read_bag(path: Path | str, episode: int = -1) -> Recording:
     path = Path(path)
     topics, closed = read_storage(path)
     try:
-        robot = robot_of(topics)
-        kinds = _stamped_kinds(topics, robot)
-        streams = {name: decode(name, topics[name], kind) for name, kind in kinds.items()}
-        walked = int(streams[f'/{robot}/odometry'].steps.max(initial=0))
-        streams = {name: stream.until(walked) for name, stream in streams.items()}
-        reference = streams[f'/{robot}/odometry']
-        episode, n_episodes, streams = _one_episode(streams, f'/{robot}/odometry', episode)
-        health = read_health(topics, robot)
-        needed = {_clock(topics, robot), *_topics_of_voxels(robot, streams, health)}
-        for name in needed - set(streams):
-            streams[name] = Stream.empty(KINDS[name.rpartition('/')[2]])
-        arrays = _arrays(robot, streams)
+        robot, names = find_topics(topics)
+        found = _decoded(topics, names)
+        odometry = found[ODOMETRY]
+        n_episodes, numbers = number_episodes(found)
+        if not -n_episodes <= episode < n_episodes:
+            raise InvalidInput('episode', episode, f'a number from 0 to {n_episodes - 1}')
+        episode %= n_episodes
+        streams = _one_episode(found, numbers, episode)
+        refused = {names[role]: stream.refused for role, stream in streams.items()}
+        health, refused[DIAGNOSTICS] = read_health(topics, robot)
+        voxels = _voxels(streams, health, robot)
+        names |= _absent_topics(robot, streams, voxels)
+        streams |= {role: Stream.empty(role.kind) for role in names.keys() - streams
+                    if role.kind in KINDS}
+        arrays = _arrays(streams, voxels)
+        outcomes = find_outcomes(
+            streams, voxels, len(arrays['centers']), _lock_step(health),
+            rate := _rate(streams[ODOMETRY]),
+        )
+        kills = _kills(health, streams, voxels, len(arrays['centers']))
+        twice = {role: published_twice(stream, numbers[role] == episode)
+                 for role, stream in found.items() if role.kind in outcomes.late}
         poses = None
-        if f'/{robot}/markers' in topics:
-            poses = read_poses(
-                topics[f'/{robot}/markers'], streams[f'/{robot}/odometry'],
-                _bounds(reference, episode), len(arrays['voxel_names']),
+        if MARKERS in names:
+            poses, refused[names[MARKERS]] = read_poses(
+                topics[names[MARKERS]], odometry, numbers[ODOMETRY] == episode, len(voxels)
             )
     except InvalidInput as error:
         raise error.found_in(str(path)) from None
+    cells_late = outcomes.late['spikes'] | outcomes.late['values']
     return Recording(
-        path=path, closed=closed, robot=robot, episode=episode, n_episodes=n_episodes,
-        rate=_rate(streams[f'/{robot}/odometry']),
-        counts=_counts(topics, streams, len(arrays['centers'])), health=health, poses=poses,
-        physics=_physics(streams), **arrays,
+        path=path, closed=closed, robot=robot, episode=episode, n_episodes=n_episodes, rate=rate,
+        counts=_counts(topics, names, streams, outcomes, voxels, refused, kills, twice),
+        health=health,
+        poses=poses, physics=_physics(streams), applied=outcomes.applied,
+        outcomes=outcomes.outcomes, late=cells_late,
+        **{**arrays, 'heard': arrays['heard'] & ~cells_late},
     )
 
 
-def _physics(streams: dict[str, Stream]) -> str:
+def _decoded(topics: Mapping[str, Topic], names: Mapping[Role, str]) -> dict[Role, Stream]:
+    """Return the stamped topics of a robot, decoded.
+
+    Raises:
+        InvalidInput: no odometry is valid.
+    """
+    streams = {
+        role: decode(topics[name], role.kind, role.voxel)
+        for role, name in names.items() if role.kind in KINDS
+    }
+    odometry = streams[ODOMETRY]
+    if not len(odometry.steps):
+        raise InvalidInput(names[ODOMETRY], odometry.reason, KINDS['odometry'].type)
+    return streams
+
+
+def _one_episode(
+    found: Mapping[Role, Stream], numbers: Mapping[Role, np.ndarray], episode: int
+) -> dict[Role, Stream]:
+    """Return the streams of one episode; messages of no episode, or after its end, are refused."""
+    mine = {role: numbers[role] == episode for role in found}
+    odometry = one_episode(found[ODOMETRY], mine[ODOMETRY])
+    last = int(odometry.steps[-1])
+    streams = {}
+    for role, stream in found.items():
+        kept = one_episode(stream, mine[role], odometry)
+        strays = int((numbers[role] < 0).sum())
+        streams[role] = kept.select(np.arange(len(kept.steps)), strays).until(last)
+    return _one_kind_of_message(streams)
+
+
+def _one_kind_of_message(streams: dict[Role, Stream]) -> dict[Role, Stream]:
+    """Refuse the spikes if there are more values, and the other way round: a robot sends one."""
+    sizes = {
+        kind: sum(len(stream.steps) for role, stream in streams.items() if role.kind == kind)
+        for kind in _CELL_MESSAGES
+    }
+    if not all(sizes.values()):
+        return streams
+    foreign = min(sizes, key=lambda kind: sizes[kind])
+    return {
+        role: stream if role.kind != foreign else stream.until(-1)
+        for role, stream in streams.items()
+    }
+
+
+def _voxels(
+    streams: Mapping[Role, Stream], health: Mapping[str, NodeHealth], robot: str
+) -> tuple[str, ...]:
+    """Return the voxels that a topic or the diagnostics name, in the morphology's order."""
+    fields = streams[APPLIED].fields if APPLIED in streams else ()
+    readable = {
+        role: stream for role, stream in streams.items()
+        if len(stream.steps) or not stream.reason.startswith('type ')
+    }
+    if voxels := voxel_names(readable, (*health, *fields)):
+        return voxels
+    reason = next((stream.reason for stream in streams.values() if stream.reason), None)
+    raise InvalidInput('voxels', reason, f'topics /{robot}/voxel_<x>_<y>/sensors')
+
+
+def _absent_topics(
+    robot: str, streams: Mapping[Role, Stream], voxels: tuple[str, ...]
+) -> dict[Role, str]:
+    """Return the stamped topics that this robot has, by its voxels, and the bag does not."""
+    sent = {role.kind for role, stream in streams.items()} & {*_CELL_MESSAGES}
+    kinds = ('sensors', 'actuation', *sent)
+    expected = [CLOCK, *(Role(kind, voxel) for voxel in voxels for kind in kinds)]
+    return {role: declared_name(robot, role) for role in expected if role not in streams}
+
+
+def _lock_step(health: Mapping[str, NodeHealth]) -> bool | None:
+    """Return whether the simulation waited for the voxels; None if it does not say."""
+    simulation = health.get('sim_node')
+    return None if simulation is None else 'missed deadlines' not in simulation.values
+
+
+def _physics(streams: Mapping[Role, Stream]) -> str:
     """Return the physics that most of the voxels' messages name; some messages may be forged."""
-    names = [s.names for topic, s in streams.items() if _VOXEL_TOPIC.search(topic)]
+    names = [stream.names for role, stream in streams.items() if role.voxel]
     found, counts = np.unique(np.concatenate([np.zeros(0, 'S'), *names]), return_counts=True)
     return physics_of_episode(bytes(found[counts.argmax()])) if len(found) else UNKNOWN_PHYSICS
 
 
-def _bounds(odometry: Stream, episode: int) -> tuple[float, float]:
-    """Return the wall times [ns] between which the messages of an episode were recorded."""
-    starts = odometry.starts()[1:]
-    edges = (odometry.times[starts - 1] + odometry.times[starts]) / 2
-    edges = np.concatenate([[-np.inf], edges, [np.inf]])
-    return edges[episode], edges[episode + 1]
-
-
-def robot_of(topics: dict[str, Topic]) -> str:
-    """Return the namespace of the robot of a bag.
-
-    Raises:
-        InvalidInput: the bag has the odometry of no robot, or of several.
-    """
-    kind, end = KINDS['odometry'].type, '/odometry'
-    found = [
-        name[1 : -len(end)] for name, topic in topics.items()
-        if name.endswith(end) and topic.type == kind and topic.messages
-    ]
-    # Other nodes may publish their own odometry below the robot's namespace.
-    found = [name for name in found if not any(name.startswith(f'{other}/') for other in found)]
-    if len(found) != 1:
-        shown = f'odometry of {", ".join(found) or "no robot"} in {len(topics)} topics'
-        raise InvalidInput('robot', shown, f'one topic /<robot>/odometry of type {kind}')
-    return found[0]
-
-
-def _stamped_kinds(topics: dict[str, Topic], robot: str) -> dict[str, str]:
-    """Return the robot's topics whose stamps are control steps: kind by name."""
-    kinds = {f'/{robot}/odometry': 'odometry'}
-    for name in topics:
-        match = _VOXEL_TOPIC.fullmatch(name.removeprefix(f'/{robot}'))
-        if name == _clock(topics, robot):
-            kinds[name] = 'clock'
-        elif match and name.startswith(f'/{robot}/'):
-            kinds[name] = match[2]
-    if len({'spikes', 'values'} & set(kinds.values())) == 2:
-        raise InvalidInput('messages of cells', 'spikes and values', 'only one of them')
-    return kinds
-
-
-def _one_episode(
-    streams: dict[str, Stream], odometry: str, episode: int
-) -> tuple[int, int, dict[str, Stream]]:
-    """Return the number of the episode, how many there are, and the episode's streams."""
-    reference = streams[odometry]
-    starts = reference.starts()
-    n_episodes = len(starts)
-    if not -n_episodes <= episode < n_episodes:
-        raise InvalidInput('episode', episode, f'a number from 0 to {n_episodes - 1}')
-    number, resets = episode % n_episodes, reference.times[starts[1:] - 1]
-    return number, n_episodes, {k: s.episode(number, resets) for k, s in streams.items()}
-
-
-def _topics_of_voxels(
-    robot: str, streams: dict[str, Stream], health: dict[str, NodeHealth]
-) -> set[str]:
-    """Return the stamped topics that this robot must have, by its voxels."""
-    by_health = {f'/{robot}/{node}/sensors' for node in health}
-    voxels = _voxel_names({*streams, *by_health})
-    kinds = {name.rpartition('/')[2] for name in streams} & {'spikes', 'values'}
-    expected = {
-        f'/{robot}/{voxel}/{kind}' for voxel in voxels for kind in ('sensors', 'actuation', *kinds)
-    }
-    return expected
-
-
-def _clock(topics: dict[str, Topic], robot: str) -> str:
-    """Return the topic of the robot's simulated time, which may have a topic of its own."""
-    own = f'/{robot}/clock'
-    return own if own in topics else '/clock'
-
-
-def _arrays(robot: str, streams: dict[str, Stream]) -> dict[str, Any]:
+def _arrays(streams: Mapping[Role, Stream], voxels: tuple[str, ...]) -> dict[str, Any]:
     """Return the arrays of a `Recording`, and the names of its voxels and sensors."""
     n_steps = _n_steps(streams)
-    voxels = _voxel_names(streams)
-    if not voxels:
-        raise InvalidInput('voxels', None, f'topics /{robot}/voxel_<x>_<y>/sensors')
 
     def streams_of(kind: str) -> dict[int, Stream]:
-        found = {i: streams.get(f'/{robot}/{voxel}/{kind}') for i, voxel in enumerate(voxels)}
+        found = {i: streams.get(Role(kind, voxel)) for i, voxel in enumerate(voxels)}
         return {i: stream for i, stream in found.items() if stream and len(stream.steps)}
 
     def table(kind: str, shape: tuple[int, ...], missing: float = np.nan) -> np.ndarray:
@@ -158,12 +186,12 @@ def _arrays(robot: str, streams: dict[str, Stream]) -> dict[str, Any]:
             out[stream.steps, i] = stream.numbers
         return out
 
-    odometry = streams[f'/{robot}/odometry']
+    odometry = streams[ODOMETRY]
     centers = np.full((n_steps, 2), np.nan)
     centers[odometry.steps] = odometry.numbers
     spikes = values = None
     heard = np.zeros((n_steps, len(voxels)), dtype=bool)
-    for kind in ('spikes', 'values'):
+    for kind in _CELL_MESSAGES:
         found = streams_of(kind)
         for i, stream in found.items():
             heard[stream.steps, i] = True
@@ -186,35 +214,63 @@ def _arrays(robot: str, streams: dict[str, Stream]) -> dict[str, Any]:
     }
 
 
-def _n_steps(streams: dict[str, Stream]) -> int:
-    last = max(int(stream.steps.max(initial=0)) for stream in streams.values())
+def _n_steps(streams: Mapping[Role, Stream]) -> int:
+    last = int(streams[ODOMETRY].steps[-1])
     longest = max(len(stream.steps) for stream in streams.values())
     if last > 1000 + 100 * longest:
         raise InvalidInput('stamps', f'step {last}', f'most of its steps in the bag, not {longest}')
     return last + 1
 
 
-def _voxel_names(streams: Iterable[str]) -> tuple[str, ...]:
-    """Return the voxels' names, row by row from the bottom."""
-    names = {match[1] for name in streams if (match := _VOXEL_TOPIC.search(name))}
-    return tuple(sorted(names, key=lambda name: [int(n) for n in name.split('_')[:0:-1]]))
-
-
 def _rate(odometry: Stream) -> float:
-    steps, seconds = np.ptp(odometry.steps), np.ptp(odometry.times) / 1e9
-    return float(steps / seconds) if seconds > 0 else float('nan')
+    """Return control steps per second of wall time, without times at which a clock was set back."""
+    nanoseconds, steps = np.diff(odometry.times), np.diff(odometry.steps)
+    forward = nanoseconds > 0
+    seconds = nanoseconds[forward].sum() / 1e9
+    return float(steps[forward].sum() / seconds) if seconds > 0 else float('nan')
+
+
+def _kills(
+    health: Mapping[str, NodeHealth], streams: Mapping[Role, Stream], voxels: tuple[str, ...],
+    n_steps: int,
+) -> dict[str, int]:
+    """Return how often each voxel was killed at most, by its name."""
+    kills = {}
+    for voxel in voxels:
+        sent = np.zeros(n_steps, dtype=bool)
+        for role, stream in streams.items():
+            if role.voxel == voxel and role.kind != 'sensors':
+                sent[stream.steps] = True
+        kills[voxel] = count_kills(health[voxel].n_processes if voxel in health else 1, sent)
+    return kills
 
 
 def _counts(
-    topics: dict[str, Topic], streams: dict[str, Stream], n_steps: int
+    topics: Mapping[str, Topic], names: Mapping[Role, str], streams: Mapping[Role, Stream],
+    outcomes: Outcomes, voxels: tuple[str, ...], refused: Mapping[str, int],
+    kills: Mapping[str, int], twice: Mapping[Role, np.ndarray],
 ) -> tuple[TopicCount, ...]:
     """Count the messages of each topic; a message of the last step is not counted as lost."""
-    counts = []
-    for name in sorted({*topics, *streams}):
-        if name in streams:
-            steps = streams[name].steps
-            missing = np.setdiff1d(np.arange(n_steps - 1), steps)
-            counts.append(TopicCount(name, len(steps), missing, streams[name].refused))
-        else:
-            counts.append(TopicCount(name, len(topics[name].messages)))
+    roles, counts = {name: role for role, name in names.items()}, []
+    n_steps = len(outcomes.applied)
+    for name in sorted({*topics, *roles}):
+        role = roles.get(name)
+        strange = refused.get(name, topics[name].foreign if name in topics else 0)
+        if role is None or role not in streams:
+            counts.append(TopicCount(name, len(topics[name].messages), refused=strange))
+            continue
+        steps = streams[role].steps
+        missing = np.setdiff1d(np.arange(n_steps - 1), steps)
+        late = unsent = killed = missing[:0]
+        if role.kind in outcomes.late:
+            i = voxels.index(role.voxel)
+            late = np.flatnonzero(outcomes.late[role.kind][:, i])
+            unsent = np.intersect1d(missing, np.flatnonzero(outcomes.unsent[:, i]))
+        missing = np.setdiff1d(missing, unsent)
+        if role.kind == 'actuation':
+            killed = lost_by_kills(missing, outcomes.outcomes[:, i], kills[role.voxel])
+        counts.append(TopicCount(
+            name, len(steps), missing, strange, late, unsent, killed,
+            twice.get(role, missing[:0]), role.kind,
+        ))
     return tuple(counts)

@@ -59,11 +59,21 @@ class RecordedEpisode(Episode):
 
     @property
     def actuation(self) -> np.ndarray:
-        """Return the actuation, (n_steps, n_voxels) in [-1, 1]; 1 contracts, -1 expands.
+        """Return the cells' actuation, (n_steps, n_voxels) in [-1, 1]; 1 contracts, -1 expands.
 
         Row k acts from times[k] to times[k + 1].
         """
         return self._array('actuation')
+
+    @property
+    def applied(self) -> np.ndarray:
+        """Return what moved the body: `actuation`, except where actuators are broken.
+
+        It is recorded with `actuation`.
+        """
+        if 'applied' not in self.recorded:
+            return self._array('actuation')
+        return self._array('applied')
 
     @property
     def spikes(self) -> np.ndarray | None:
@@ -111,7 +121,7 @@ class RecordedEpisode(Episode):
 
     def __repr__(self) -> str:
         events = [*(['diverged'] if self.diverged else []), *self.walls.describe()]
-        kinds = [name for name, array in self.recorded.items() if array is not None]
+        kinds = [name for name in RECORDABLE if self.recorded.get(name) is not None]
         return (
             f"RecordedEpisode('{self.name}', {self.times[-1]:.1f} s, v_x {self.v_x:.3f} m/s"
             f'{"".join(f", {one}" for one in [*events, *kinds])})'

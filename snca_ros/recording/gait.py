@@ -9,7 +9,7 @@ import numpy as np
 
 from sim_node.control_time import CONTROL_RATE, steps_in
 from sim_node.model.sensors import DEFAULT_SENSORS, SENSORS
-from sim_node.model.walls import Walls
+from sim_node.walls import Walls
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.evolution.episode import TRANSIENT, mean_velocity
 
@@ -29,8 +29,8 @@ class Walk(Protocol):
         """Return the walls that the robot met."""
 
     @property
-    def actuation(self) -> np.ndarray:
-        """Return the actuation, (n_steps, n_voxels)."""
+    def applied(self) -> np.ndarray:
+        """Return the actuation that moved the body, (n_steps, n_voxels)."""
 
     @property
     def spikes(self) -> np.ndarray | None:
@@ -38,7 +38,7 @@ class Walk(Protocol):
 
     @property
     def heard(self) -> np.ndarray:
-        """Return which spikes are known, (n_steps, n_voxels)."""
+        """Return which spikes came in time to be used, (n_steps, n_voxels)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,7 @@ def measure_gait(recording: Walk) -> Gait:
     first, last = _ends(x)
     walls = recording.walls
     is_long = len(walls.free_part(x[: last + 1])) > steps_in(TRANSIENT) + 1
-    steady = steady_part(walls.free_part(recording.actuation))
+    steady = steady_part(walls.free_part(recording.applied))
     rates = None
     if recording.spikes is not None:
         rates = firing_rates(recording.spikes, recording.heard)

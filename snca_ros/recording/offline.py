@@ -13,6 +13,7 @@ from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import run_episode
 from snca_ros.faults import NO_FAULTS, Faults
 from snca_ros.recording.episode import RECORDABLE, RecordedEpisode
+from snca_ros.recording.outcomes import Outcome
 from snca_ros.recording.poses import Poses
 from snca_ros.recording.recording import Recording
 
@@ -53,10 +54,12 @@ def record_offline(
     recording = Recording(
         path=path, closed=True, robot=trained.morphology.name, episode=0, n_episodes=1,
         voxel_names=episode.voxel_names, centers=episode.centers, readings=readings,
-        actuation=actuation,
+        actuation=actuation, applied=_with_last_row(episode.applied, np.nan),
+        outcomes=_with_last_row(np.full(episode.heard.shape, Outcome.IN_TIME, np.uint8),
+                                Outcome.UNKNOWN),
         spikes=None if spikes is None else _with_last_row(spikes, 0),
         values=None if values is None else _with_last_row(values, 0.0),
-        heard=_with_last_row(episode.heard, False),
+        heard=_with_last_row(episode.heard, False), late=np.zeros(actuation.shape, bool),
         rate=math.nan, counts=(), health={},
         poses=Poses(steps, episode.corners, ground), physics=trained.solver.physics,
         sensors=simulation.sensors,
@@ -95,7 +98,8 @@ def record_episode(
     names = simulation.morphology.voxel_names
     return RecordedEpisode(
         centers, diverged, name or simulation.morphology.name, names,
-        {key: arrays.get(key) for key in record}, simulation.sensors, walls=simulation.walls,
+        {**{key: arrays.get(key) for key in record}, **arrays}, simulation.sensors,
+        walls=simulation.walls,
     )
 
 
@@ -109,6 +113,7 @@ def _recorded(
         'readings': (simulation.readings.shape, np.float64),
         'corners': ((n_voxels, 4, 2), np.float64),
         'actuation': ((n_voxels,), np.float64),
+        'applied': ((n_voxels,), np.float64),
     }
     if cell.spiking:
         shapes['spikes'] = (n_voxels, channels, cell.message_width), np.uint8
@@ -119,7 +124,8 @@ def _recorded(
     n_rows = {'readings': n_steps + 1, 'corners': n_steps + 1}
     arrays = {
         name: np.empty((n_rows.get(name, n_steps), *shape), kind)
-        for name, (shape, kind) in shapes.items() if name in record
+        for name, (shape, kind) in shapes.items()
+        if name in record or (name == 'applied' and 'actuation' in record)
     }
     centers, done = np.empty((n_steps + 1, 2)), n_steps
 
@@ -145,6 +151,7 @@ def _recorded(
         except Diverged:
             done = k
             break
+        keep('applied', k, simulation.world.actuation)
     ends = {name: done + 1 if name in n_rows else done for name in arrays}
     arrays = {name: array[: ends[name]] for name, array in arrays.items()}
     return centers[: done + 1], arrays, done < n_steps
@@ -184,6 +191,14 @@ def mean_thresholds(controller: Controller) -> np.ndarray:
     return thresholds.mean(axis=1)
 
 
+def check_shape_of_bag(recording: Recording, trained: TrainedController) -> None:
+    """Raise InvalidInput if the controller is for another shape than that of the recording."""
+    names = trained.morphology.voxel_names
+    if names != recording.voxel_names:
+        shown, expected = f'{len(names)} voxels', f'the {len(recording.voxel_names)} of the bag'
+        raise InvalidInput('controller', f'{trained.morphology.grid_string}, {shown}', expected)
+
+
 def replayed_thresholds(recording: Recording, trained: TrainedController) -> np.ndarray | None:
     """Return the thresholds of the cells of a recorded walk, by stepping its controller again.
 
@@ -198,10 +213,7 @@ def replayed_thresholds(recording: Recording, trained: TrainedController) -> np.
     Raises:
         InvalidInput: the controller is for another shape.
     """
-    names = trained.morphology.voxel_names
-    if names != recording.voxel_names:
-        shown, expected = f'{len(names)} voxels', f'the {len(recording.voxel_names)} of the bag'
-        raise InvalidInput('controller', f'{trained.morphology.grid_string}, {shown}', expected)
+    check_shape_of_bag(recording, trained)
     controller = trained.controller()
     thresholds = np.full(recording.actuation.shape, np.nan)
     for k, readings in enumerate(recording.readings):

@@ -1,20 +1,18 @@
 """Reads the outlines of the voxels and the terrain from the markers of a bag."""
 
-import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from rosbags.typesys import Stores, get_typestore
 
 from sim_node import message_layout
 from sim_node.control_time import MARKER_PERIOD
-from sim_node.errors import InvalidInput
+from snca_ros.recording.episodes import nearest_of_any_step
 from snca_ros.recording.storage import Topic
-from snca_ros.recording.streams import Stream
+from snca_ros.recording.streams import Stream, types
+from snca_ros.recording.topics import MARKERS_TYPE
 
-_TYPE = 'visualization_msgs/msg/MarkerArray'
 _CORNERS = [0, 1, 2, 5]  # of the two triangles that make a voxel
 
 
@@ -34,62 +32,74 @@ class Poses:
 
 
 def read_poses(
-    topic: Topic, odometry: Stream, between: tuple[float, float], n_voxels: int
-) -> Poses | None:
-    """Return the poses of an episode, or None if the markers lack the robot or the ground.
+    topic: Topic, odometry: Stream, mine: np.ndarray, n_voxels: int
+) -> tuple[Poses | None, int]:
+    """Return the poses of an episode, and how many markers are invalid.
 
-    Markers carry no control step. If no message is missing, the step follows from its index;
-    otherwise from the time at which it was recorded, to a step or two.
+    Markers carry no control step: they belong to the odometry that was recorded next to them. If no
+    message is missing, the step follows from its index; otherwise from this odometry, to a step or
+    two.
 
     Args:
         topic: the markers of a bag.
-        odometry: of the episode.
-        between: wall times [ns] between which the episode's markers were recorded.
+        odometry: of all episodes.
+        mine: (n,) bool, which odometry is of the episode; at least one.
         n_voxels: of the robot.
 
-    Raises:
-        InvalidInput: the topic has another type.
+    Returns:
+        The poses, None if the markers lack the robot or the ground; and the number of messages of
+        another type, that cannot be read, or with infinite numbers.
     """
-    if topic.type != _TYPE:
-        raise InvalidInput('type of markers', topic.type, _TYPE)
-    corners, times, ground = _read(topic, n_voxels)
-    mine = (times > between[0]) & (times < between[1])
-    if ground is None or not mine.any():
-        return None
-    corners, times = corners[mine], times[mine]
-    steps = MARKER_PERIOD * np.arange(len(times))
-    if len(times) != int(odometry.steps[-1]) // MARKER_PERIOD + 1:
-        newest = np.searchsorted(odometry.times, times, side='right') - 1
-        steps = odometry.steps[np.maximum(newest, 0)] // MARKER_PERIOD * MARKER_PERIOD
-        steps, first = np.unique(steps, return_index=True)
+    if topic.type != MARKERS_TYPE:
+        return None, len(topic.messages) + topic.foreign
+    corners, order, ground, refused = _read(topic, n_voxels)
+    refused += topic.foreign
+    near = nearest_of_any_step(odometry, order)
+    of_episode = mine[near]
+    if ground is None or not of_episode.any():
+        return None, refused
+    corners, found = corners[of_episode], odometry.steps[near[of_episode]]
+    steps = MARKER_PERIOD * np.arange(len(found))
+    in_order = not (np.diff(found) < 0).any()
+    if not in_order or len(found) != int(odometry.steps[mine].max()) // MARKER_PERIOD + 1:
+        steps, first = np.unique(found // MARKER_PERIOD * MARKER_PERIOD, return_index=True)
         corners = corners[first]
-    return Poses(steps, corners, ground)
+    return Poses(steps, corners, ground), refused
 
 
-def _read(topic: Topic, n_voxels: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Return the corners and the time of each pose, and the ground.
+def _read(
+    topic: Topic, n_voxels: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, int]:
+    """Return corners and place in the bag of each pose, the ground, and the number of refusals.
 
     Messages of the same size with the same bytes before the points have the same layout: only the
     first of them is deserialised.
     """
-    n = 6 * n_voxels
-    found, times, ground = [], [], None
+    n, refused = 6 * n_voxels, 0
+    found, order, ground = [], [], None
     head, size = b'', -1
-    for time, data in zip(topic.times.tolist(), topic.messages, strict=True):
+    for place, data in zip(topic.order.tolist(), topic.messages, strict=True):
         if len(data) == size and data.startswith(head):
             points = np.frombuffer(data, np.float64, 3 * n, len(head))
         else:
             markers = _markers(data)
-            by_name = {marker.ns: _points(marker.points) for marker in markers}
-            ground = by_name['ground'][:, [0, 2]] if 'ground' in by_name else ground
+            by_name = {marker.ns: _points(marker.points) for marker in markers or ()}
+            if markers is None or not all(np.isfinite(p).all() for p in by_name.values()):
+                refused += 1
+                continue
+            if len(by_name.get('ground', ())) > 1:
+                ground = by_name['ground'][:, [0, 2]]
             if len(by_name.get('voxels', ())) != n:
                 continue
             points = by_name['voxels'].ravel()
             head, size = _head_and_size(data, markers[0], points)
-        found.append(points)
-        times.append(time)
+        if np.isfinite(points).all():
+            found.append(points)
+            order.append(place)
+        else:
+            refused += 1
     corners = np.array(found).reshape(-1, n_voxels, 6, 3)[:, :, _CORNERS][..., [0, 2]]
-    return corners, np.array(times, dtype=np.int64), ground
+    return corners, np.array(order, dtype=np.int64), ground, refused
 
 
 def _head_and_size(data: bytes, first: Any, points: np.ndarray) -> tuple[bytes, int]:
@@ -102,18 +112,13 @@ def _head_and_size(data: bytes, first: Any, points: np.ndarray) -> tuple[bytes, 
     return (data[: begin.start], len(data)) if data[begin] == points.tobytes() else (b'', -1)
 
 
-def _markers(data: bytes) -> list[Any]:
-    """Return the markers of a message; none if it cannot be deserialised."""
+def _markers(data: bytes) -> list[Any] | None:
+    """Return the markers of a message; None if it cannot be deserialised."""
     try:
-        return _types().deserialize_cdr(data, _TYPE).markers
+        return types().deserialize_cdr(data, MARKERS_TYPE).markers
     except Exception:  # rosbags raises various ones for bytes of another layout
-        return []
+        return None
 
 
 def _points(points: Sequence) -> np.ndarray:
     return np.array([(p.x, p.y, p.z) for p in points], dtype=np.float64).reshape(-1, 3)
-
-
-@functools.cache
-def _types():
-    return get_typestore(Stores.ROS2_JAZZY)

@@ -1,46 +1,66 @@
 """A recorded walk as arrays over control steps, with message counts and diagnostics."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from sim_node.control_time import CONTROL_RATE
+from sim_node.model.meetings import walls_in_outlines
 from sim_node.model.physics import UNNAMED_PHYSICS
 from sim_node.model.sensors import DEFAULT_SENSORS
-from sim_node.model.walls import NO_WALLS, Walls, walls_in_outlines
+from sim_node.walls import NO_WALLS, Walls
 from snca_ros.recording.diagnostics import NodeHealth
 from snca_ros.recording.gait import walked_velocity
 from snca_ros.recording.poses import Poses
 
 
+def _no_steps() -> np.ndarray:
+    return np.zeros(0, dtype=np.int64)
+
+
 @dataclass(frozen=True, eq=False)
 class TopicCount:
-    """The numbers of received, missing and refused messages of a topic.
+    """The numbers of received, late, missing and refused messages of a topic.
 
     Attributes:
         topic: its full name.
         received: messages in the bag; of a stamped topic, control steps of the episode.
-        missing: control steps whose message is not in the bag; None if the topic carries no
-            control steps, so that missing messages cannot be counted.
-        refused: messages in the bag that have another layout than the topic's, or a stamp after
-            the robot's last step; no array contains them.
+        missing: control steps whose message was sent and is not in the bag; None if the topic
+            carries no control steps, so that missing messages cannot be counted.
+        refused: messages in the bag that have another type or layout than the topic's, another
+            episode than those of the bag, or a stamp after the robot's last step; no array
+            contains them.
+        late: control steps whose message is in the bag, but came too late to be used.
+        unsent: control steps at which the voxel sent nothing, for it was dead.
+        killed: those of `missing` that were lost by a kill of the voxel, at most one per kill: the
+            simulation had the message and the recorder did not.
+        twice: control steps of which there are several messages with different content, for the
+            voxel was killed and restarted: the arrays contain the first, and each neighbour used
+            the first that it received.
+        kind: sensors, spikes, odometry, ..., also if the topic is remapped; empty if `missing` is
+            None.
     """
 
     topic: str
     received: int
     missing: np.ndarray | None = None
     refused: int = 0
-
-    @property
-    def kind(self) -> str:
-        """Return the last part of the topic's name: sensors, spikes, odometry, ..."""
-        return self.topic.rpartition('/')[2]
+    late: np.ndarray = field(default_factory=_no_steps)
+    unsent: np.ndarray = field(default_factory=_no_steps)
+    killed: np.ndarray = field(default_factory=_no_steps)
+    twice: np.ndarray = field(default_factory=_no_steps)
+    kind: str = ''
 
     @property
     def lost(self) -> int:
         """Return the number of missing messages; 0 if they cannot be counted."""
         return 0 if self.missing is None else len(self.missing)
+
+    @property
+    def in_time(self) -> int:
+        """Return the number of received messages that came in time."""
+        return self.received - len(self.late)
 
     @property
     def sent(self) -> int:
@@ -61,11 +81,16 @@ class Recording:
         voxel_names: in the morphology's order, row by row from the bottom.
         centers: (n_steps, 2) centre of mass x, y [m].
         readings: (n_steps, n_voxels, n_sensors) in [0, 1].
-        actuation: (n_steps, n_voxels) in [-1, 1].
+        actuation: (n_steps, n_voxels) in [-1, 1], the answers of the voxels, also late ones.
+        applied: (n_steps, n_voxels) in [-1, 1], the actuation that moved the body, with held and
+            limp values; from `applied_actuation`, or, in older bags, from the order of messages.
+        outcomes: (n_steps, n_voxels) `snca_ros.recording.outcomes.Outcome` of each answer: in
+            time, held, limp or unknown.
         spikes: (n_steps, n_voxels, n_channels, 16) uint8 0 or 1; None if the cells send none.
         values: (n_steps, n_voxels, n_channels) in [-1, 1]; None if the cells send none.
-        heard: (n_steps, n_voxels) whether the spikes or values are in the bag; spikes that are
-            not are 0.
+        heard: (n_steps, n_voxels) whether the spikes or values came in time to be used. Those
+            that are not in the bag are 0 or NaN.
+        late: (n_steps, n_voxels) whether the spikes or values are in the bag, but came too late.
         rate: control steps per second of wall time; NaN if it is unknown.
         counts: one per topic, sorted by name; of an expected topic that is absent, all messages
             are missing.
@@ -85,9 +110,12 @@ class Recording:
     centers: np.ndarray
     readings: np.ndarray
     actuation: np.ndarray
+    applied: np.ndarray
+    outcomes: np.ndarray
     spikes: np.ndarray | None
     values: np.ndarray | None
     heard: np.ndarray
+    late: np.ndarray
     rate: float
     counts: tuple[TopicCount, ...]
     health: dict[str, NodeHealth]

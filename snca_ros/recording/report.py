@@ -8,8 +8,10 @@ from sim_node.control_time import CONTROL_RATE
 from snca_ros.recording.bag import Recording, TopicCount
 from snca_ros.recording.diagnostics import OUTCOMES
 from snca_ros.recording.gait import Gait
+from snca_ros.recording.outcomes import Outcome
 
 _SHOWN_STEPS = 5
+_COLUMNS = ('sent', 'in time', 'late', 'lost', 'never sent')
 
 
 def report_lines(recording: Recording, gait: Gait) -> list[str]:
@@ -39,6 +41,7 @@ def as_dict(recording: Recording, gait: Gait) -> dict[str, object]:
             voxel: {
                 'firing_rate': None if rates is None else _number(rates[i]),
                 'frequency': float(gait.frequencies[i]),
+                'steps': _steps_by_outcome(recording, i),
             }
             for i, voxel in enumerate(recording.voxel_names)
         },
@@ -46,7 +49,12 @@ def as_dict(recording: Recording, gait: Gait) -> dict[str, object]:
             count.topic: {
                 'sent': None if count.missing is None else count.sent,
                 'received': count.received,
+                'in_time': None if count.missing is None else count.in_time,
+                'late': None if count.missing is None else len(count.late),
                 'lost': None if count.missing is None else count.lost,
+                'lost_by_kill': None if count.missing is None else len(count.killed),
+                'published_twice': None if count.missing is None else len(count.twice),
+                'never_sent': None if count.missing is None else len(count.unsent),
                 'refused': count.refused,
             }
             for count in recording.counts
@@ -62,6 +70,14 @@ def as_dict(recording: Recording, gait: Gait) -> dict[str, object]:
             }
             for node, health in recording.health.items()
         },
+    }
+
+
+def _steps_by_outcome(recording: Recording, voxel: int) -> dict[str, int]:
+    """Return the number of steps by outcome of the voxel's answer: in time, held, limp, unknown."""
+    counts = np.bincount(recording.outcomes[:-1, voxel], minlength=len(Outcome))
+    return {
+        outcome.name.lower().replace('_', ' '): int(counts[outcome]) for outcome in Outcome
     }
 
 
@@ -91,11 +107,14 @@ def _gait_lines(recording: Recording, gait: Gait) -> list[str]:
             f'speed      {recording.rate:.1f} steps/s, {factor:.2f} times real time'
         )
     lines += _step_time_lines(recording)
-    lines += ['', f'{"voxel":16}{"firing rate [Hz]":>18}{"actuation peak [Hz]":>21}']
+    lines += ['', f'{"voxel":16}{"firing rate [Hz]":>18}{"actuation peak [Hz]":>21}'
+              f'{"held [steps]":>14}{"limp [steps]":>14}']
     rates = gait.firing_rates
     for i, voxel in enumerate(recording.voxel_names):
         rate = '-' if rates is None or np.isnan(rates[i]) else f'{rates[i]:.1f}'
-        lines.append(f'{voxel:16}{rate:>18}{gait.frequencies[i]:>21.2f}')
+        steps = _steps_by_outcome(recording, i)
+        lines.append(f'{voxel:16}{rate:>18}{gait.frequencies[i]:>21.2f}'
+                     f'{steps["held"]:>14}{steps["limp"]:>14}')
     return lines
 
 
@@ -138,13 +157,16 @@ def _count_lines(recording: Recording) -> list[str]:
     """Return message counts per kind of topic and in total, and the topics that lost any."""
     numbered = [c for c in recording.counts if c.missing is not None]
     others = [c for c in recording.counts if c.missing is None]
-    lines = [f'{"messages":16}{"sent":>10}{"received":>10}{"lost":>10}']
+    lines = [f'{"messages":16}' + ''.join(f'{column:>11}' for column in _COLUMNS)]
     for kind in sorted({c.kind for c in numbered}):
         lines.append(_count_line(kind, [c for c in numbered if c.kind == kind]))
     lines.append(_count_line('total', numbered))
-    for count in numbered:
-        if count.missing is not None and count.lost:
-            lines.append(f'lost on {count.topic}: {_steps(count.missing)}')
+    for count in recording.counts:
+        for what, steps in (('late', count.late), ('lost', count.missing),
+                            ('of these lost by a kill', count.killed),
+                            ('published twice', count.twice), ('never sent', count.unsent)):
+            if steps is not None and len(steps):
+                lines.append(f'{what} on {count.topic}: {_steps(steps)}')
         if count.refused:
             lines.append(f'refused on {count.topic}: {count.refused} invalid messages')
     if others:
@@ -154,8 +176,8 @@ def _count_lines(recording: Recording) -> list[str]:
 
 
 def _count_line(name: str, counts: list[TopicCount]) -> str:
-    sent, received = sum(c.sent for c in counts), sum(c.received for c in counts)
-    return f'{name:16}{sent:>10}{received:>10}{sent - received:>10}'
+    rows = [(c.sent, c.in_time, len(c.late), c.lost, len(c.unsent)) for c in counts]
+    return f'{name:16}' + ''.join(f'{sum(column):>11}' for column in zip(*rows, strict=True))
 
 
 def _steps(missing: np.ndarray) -> str:

@@ -9,11 +9,15 @@ from sim_node.control_time import CONTROL_RATE, steps_in
 from sim_node.drawing import area_colors
 from sim_node.errors import InvalidInput
 from sim_node.model.terrain import Terrain
-from sim_node.model.walls import Walls
+from sim_node.walls import Walls
 from snca_ros.controller_file import TrainedController
 from snca_ros.recording.bag import Recording, read_bag
 from snca_ros.recording.gait import area_ratios, bridge_gaps
 from snca_ros.recording.offline import record_offline
+from snca_ros.recording.outcomes import Outcome
+
+LIMP = 0.35, 0.3, 0.35, 1.0
+"""RGBA of a limp voxel, which no answer of its node moves."""
 
 _FAR = 1e6  # m; larger coordinates cannot be drawn
 
@@ -26,7 +30,8 @@ class Film:
         times: (n_frames,) [s].
         centers: (n_frames, 2) centre of mass [m].
         corners: (n_frames, n_voxels, 4, 2) outer corners of the voxels [m].
-        colors: (n_frames, n_voxels, 4) RGBA in [0, 1], from the area that each voxel senses.
+        colors: (n_frames, n_voxels, 4) RGBA in [0, 1], from the area that each voxel senses, or
+            `LIMP`.
         terrain: the ground.
         walls: walls that the robot met in the whole walk.
     """
@@ -100,6 +105,7 @@ def film_recording(recording: Recording, moments: np.ndarray) -> Film:
         raise InvalidInput('markers', 'coordinates far away or NaN', f'within {_FAR:g} m')
     ratios = area_ratios(bridge_gaps(recording.readings)[steps], recording.sensors)
     colors = area_colors(ratios if 'area' in recording.sensors else np.ones(ratios.shape))
+    colors[recording.outcomes[steps] == Outcome.LIMP] = LIMP
     return Film(
         wanted / CONTROL_RATE, bridge_gaps(recording.centers)[steps], corners, colors,
         Terrain('recorded', *poses.ground.T), recording.walls,

@@ -11,10 +11,13 @@ from sim_node.errors import InvalidInput
 from snca_ros.cell.coding import pack_trains
 from snca_ros.recording.bag import Recording
 from snca_ros.recording.gait import area_ratios, bridge_gaps, readings_of
+from snca_ros.recording.outcomes import Outcome
 from snca_ros.recording.poses import Poses
 
 MAX_FRAMES = 18_001
 """Frames of ten minutes; in longer walks there are more control steps between frames."""
+
+LATE, SILENT = 4, 8
 
 _WINDOW = CONTROL_RATE  # control steps over which plots are averaged
 
@@ -61,8 +64,9 @@ class Frames:
         stride: control steps from frame to frame.
         arrays: by name: `x`, `y` centre [m], `corners` [m] relative to it, `area` ratio, `touch`,
             `actuation`, and means over a second: `v_x` [m/s], `rate` [Hz] and `threshold` [mV] of
-            each voxel, one row per frame; `messages`, spike trains as integers or values, one
-            row per control step. Arrays of larger items come first, so that all are aligned.
+            each voxel, one row per frame; `messages`, spike trains as integers or values, and
+            `state` of each voxel, see `voxel_states`, one row per control step. Arrays of larger
+            items come first, so that all are aligned.
         ground: (n_points, 2) profile x, y [m] of the terrain.
     """
 
@@ -108,16 +112,31 @@ def make_frames(recording: Recording, thresholds: np.ndarray | None = None) -> F
         'corners': Packed.fitting(_shapes(recording.poses, centers, at)),
         'v_x': Packed.fitting(_velocity(centers[:, 0])[at]),
         **_messages(recording, at),
+        'state': Packed(voxel_states(recording)),
         'area': Packed.between(area_ratios(readings, recording.sensors), 0.5, 1.5),
         'touch': Packed.between(
             readings_of('touch', readings, recording.sensors), 0.0, 1.0
         ),
-        'actuation': Packed.between(recording.actuation[at], -1.0, 1.0),
+        'actuation': Packed.between(recording.applied[at], -1.0, 1.0),
     }
     if thresholds is not None:
         arrays['threshold'] = Packed.fitting(_window_means(thresholds)[at])
     ordered = sorted(arrays.items(), key=lambda item: -item[1].raw.itemsize)
     return Frames(stride, dict(ordered), recording.poses.ground)
+
+
+def voxel_states(recording: Recording) -> np.ndarray:
+    """Return what became of each voxel's answer and message, (n_steps, n_voxels) uint8.
+
+    It is the `Outcome` of the answer, plus `LATE` if the message came too late, plus `SILENT` if
+    there is none.
+    """
+    states = recording.outcomes.copy()
+    if recording.spikes is not None or recording.values is not None:
+        states += LATE * recording.late.astype(np.uint8)
+        states += SILENT * (~recording.heard & ~recording.late).astype(np.uint8)
+    states[-1] = Outcome.IN_TIME  # no voxel answers the last step
+    return states
 
 
 def _shapes(poses: Poses, centers: np.ndarray, at: np.ndarray) -> np.ndarray:

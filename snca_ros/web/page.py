@@ -18,14 +18,17 @@ from snca_ros.web.frames import Frames, make_frames
 
 _STYLES = ('uplot/uPlot.min.css', 'page.css')
 _SCRIPTS = (
-    'uplot/uPlot.iife.min.js', 'walk.js', 'stage.js', 'raster.js', 'plots.js', 'player.js',
-    'live.js', 'main.js',
+    'uplot/uPlot.iife.min.js', 'walk.js', 'stage.js', 'raster.js', 'spans.js', 'plots.js',
+    'player.js', 'live.js', 'main.js',
 )
 
 _LEGEND = """
 <span><i class="area"></i>area: contracted, at rest, expanded</span>
 <span><i class="touch"></i>touches the ground</span>
 <span><i class="command"></i>inner square: actuation, small to contract, large to expand</span>
+<span><i class="limp"></i>limp: no answer of the voxel counts</span>
+<span><i class="held"></i>its answer or message did not come in time, it holds the last one</span>
+<span><i class="late"></i>spikes that came too late to count</span>
 """
 
 
@@ -127,6 +130,19 @@ def _gait(recording: Recording) -> str:
     return ', '.join(facts)
 
 
+def _unheard(recording: Recording) -> str:
+    """Return a note about late and unsent messages; empty if there are none."""
+    late = sum(len(count.late) for count in recording.counts)
+    unsent = sum(len(count.unsent) for count in recording.counts)
+    if not late and not unsent:
+        return ''
+    return (
+        f'{late} messages came too late to count, and {unsent} were never sent: the strip above '
+        'the slider shows when, of the selected voxel or of all. Firing rates count only messages '
+        'that came in time.'
+    )
+
+
 def _notes(recording: Recording, frames: Frames) -> list[str]:
     """Return notes about what the page omits, averages or interpolates."""
     every = frames.stride / CONTROL_RATE
@@ -137,6 +153,9 @@ def _notes(recording: Recording, frames: Frames) -> list[str]:
         'Plots are means over one second: each voxel in grey, the mean of all, and the selected '
         'voxel.'
     ]
+    unheard = _unheard(recording)
+    if unheard:
+        notes.append(unheard)
     lost = sum(count.lost for count in recording.counts)
     if lost:
         notes.append(f'{lost} messages are missing in the bag. They appear as gaps, except that '

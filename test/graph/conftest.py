@@ -40,6 +40,7 @@ from snca_ros.controller_file import (  # noqa: E402
     load_controller,
     save_controller,
 )
+from snca_ros.files import write_text  # noqa: E402
 from snca_ros.graph import processes  # noqa: E402
 from snca_ros.graph.child_process import PARENT  # noqa: E402
 from snca_ros.graph.fork_server import ForkServer  # noqa: E402
@@ -200,7 +201,7 @@ def start_node(start, tmp_path):
 
     def run(graph: Graph, process) -> subprocess.Popen:
         params = tmp_path / 'params.yaml'
-        params.write_text(graph.parameters_yaml())
+        write_text(params, graph.parameters_yaml())  # whole: other processes may be reading it
         return start(
             process.executable, *process.names,
             '--ros-args', '-r', f'__ns:=/{graph.robot}', '--params-file', params,

@@ -1,4 +1,4 @@
-"""The usual steps of a voxel in compiled code are those of its cell; others are given back whole."""
+"""Usual steps of a voxel in compiled code are those of its cell; others are given back whole."""
 
 import time
 from types import SimpleNamespace
@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from sensor_msgs.msg import Image, JointState
+from support.limits import LIMIT
 
 from sim_node.control_time import stamp_of_step
 from sim_node.model.morphology import DIRECTIONS, OPPOSITE
@@ -26,7 +27,7 @@ CELLS = [
 
 
 def wait(condition):
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + LIMIT
     while not condition():
         assert time.monotonic() < deadline
 
@@ -158,15 +159,18 @@ def test_what_is_not_usual_is_given_back(voxel):
     assert unusual(voxel, [], fine, k=9) == []
     for d, data in both:
         assert take_all(voxel.boxes[d]) == [data]
-    assert dict(unusual(voxel, [(above, good[above])], fine)).items() <= {above: good[above]}.items()
+    given_back = unusual(voxel, [(above, good[above])], fine)
+    assert given_back in ([], [(above, good[above])])
 
 
 def test_a_rcl_without_these_functions_is_not_used(monkeypatch):
     assert rcl_functions.AVAILABLE
-    for name in ('rcl', 'rcutils'):
-        with monkeypatch.context() as patch:
-            found = rcl_functions._library
-            patch.setattr(rcl_functions, '_library', lambda n, x=name: None if n == x else found(n))
-            assert not rcl_functions._declare_functions()
+    found = rcl_functions._library
+    for absent in ('rcl', 'rcutils'):
+        monkeypatch.setattr(
+            rcl_functions, '_library',
+            lambda name, absent=absent: None if name == absent else found(name),
+        )
+        assert not rcl_functions._declare_functions()
     monkeypatch.setattr(rcl_functions, '_library', lambda name: SimpleNamespace())
     assert not rcl_functions._declare_functions()

@@ -76,10 +76,15 @@ def test_topics_and_services_are_those_declared(robot, node, spin_until, model, 
             found.pop(CLOCK.name, None)  # only before it begins
         return found
 
+    def served(name):
+        services = node.get_service_names_and_types_by_node(name, '/robot')
+        return {n.removeprefix('/robot/'): types for n, types in services if n.count('/') == 2}
+
     def as_many_as_declared():
         try:
             return all(
-                len(published(name)) > len(types_of(interface.publishes, absent))
+                len(served(name)) == len(interface.serves)
+                and len(published(name)) > len(types_of(interface.publishes, absent))
                 and len(subscribed(name)) + (interface is VOXEL_NODE)
                 >= len(types_of(interface.subscribes, absent))
                 for interface, name in names.items()
@@ -95,9 +100,7 @@ def test_topics_and_services_are_those_declared(robot, node, spin_until, model, 
         # A voxel stops to listen to its own actuation when it joins.
         joined = {k: v for k, v in expected.items() if k != 'actuation'}
         assert subscribed(name) in ([expected, joined] if interface is VOXEL_NODE else [expected])
-        services = node.get_service_names_and_types_by_node(name, '/robot')
-        mine = {n.removeprefix('/robot/'): types for n, types in services if n.count('/') == 2}
-        assert mine == {service.name: [service.type] for service in interface.serves}
+        assert served(name) == {service.name: [service.type] for service in interface.serves}
 
 
 def test_parameters_are_those_declared(robot, node, spin_until):

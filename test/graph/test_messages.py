@@ -56,6 +56,24 @@ def test_sensors_are_what_rclpy_reads(step, values):
     assert read[2].tolist() == values
 
 
+@given(STEPS, st.lists(st.tuples(st.floats(-1.0, 1.0), st.integers(-1, 100)), min_size=1))
+def test_the_applied_actuation_is_what_rclpy_reads(step, of_voxels):
+    voxels = [f'voxel_{i}_0' for i in range(len(of_voxels))]
+    applied, ages = (list(column) for column in zip(*of_voxels, strict=True))
+    wire = topics.applied_format('duo', voxels)
+    data = wire.encode(
+        stamp_of_step(step), position=np.array(applied), effort=np.array(ages), episode=EPISODE
+    )
+    message = deserialize_message(data, JointState)
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == stamp_of_step(step)
+    assert message.header.frame_id == 'duo@0123abcd'
+    assert (list(message.name), message.position.tolist()) == (voxels, applied)
+    assert (message.effort.tolist(), len(message.velocity)) == (ages, 0)
+    assert strict(data, 'sensor_msgs/msg/JointState').effort.tolist() == ages
+    _, (found, told) = topics.applied_format('duo', voxels).decode(data, 'position', 'effort')
+    assert (found.tolist(), told.tolist()) == (applied, ages)
+
+
 @given(STEPS, st.floats(-1.0, 1.0))
 def test_actuation_of_other_writers_is_read(step, a):
     message = JointState(name=['voxel_0_2'], position=[a])

@@ -10,6 +10,7 @@ from snca_ros.faults import Faults, parse_faults
 from snca_ros.graph.description import WalkOptions, describe_graph
 from snca_ros.graph.processes import RunningGraph
 from snca_ros.recording.bag import read_bag
+from snca_ros.recording.outcomes import Outcome
 
 DURATION = 2.0
 NONE = Faults()
@@ -60,6 +61,9 @@ def test_graph_repeats_the_offline_episode(
     np.testing.assert_array_equal(recording.centers, centers)
     np.testing.assert_array_equal(recording.readings[:N_STEPS], readings)
     np.testing.assert_array_equal(recording.actuation[:N_STEPS], actuation)
+    np.testing.assert_array_equal(recording.applied[:N_STEPS], actuation)
+    assert (recording.outcomes[:N_STEPS] == Outcome.IN_TIME).all()
+    assert recording.heard[:N_STEPS].all()
     sent = messages.reshape(N_STEPS, 3, -1, messages.shape[-1])
     if model == 'mlp':
         np.testing.assert_array_equal(recording.values[:N_STEPS], sent[..., 0])

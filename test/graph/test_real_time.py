@@ -3,9 +3,12 @@
 import signal
 
 import numpy as np
+from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 from support.graph import call, go, offline
 from support.limits import LIMIT
+
+from sim_node.ros.topics import stream_qos
 
 
 def links_of(figures):
@@ -46,8 +49,14 @@ def test_dead_voxel_is_named_and_the_walk_continues(
     walk, start_node, node, spin_until, centers, health
 ):
     graph, children, _ = walk(real_time_factor=1.0)
+    applied = {}
+    node.create_subscription(
+        JointState, '/robot/applied_actuation',
+        lambda m: applied.update({m.name[1]: (m.position[1], m.effort[1])}), stream_qos(1000),
+    )
     go(node, spin_until, centers)
     spin_until(lambda: 30 in centers[0])
+    assert applied['voxel_0_1'][1] >= 0
     children['voxel_0_1'].send_signal(signal.SIGKILL)
     spin_until(lambda: 'voxel_0_1' in silent(health))
     spin_until(lambda: all(
@@ -55,6 +64,7 @@ def test_dead_voxel_is_named_and_the_walk_continues(
     ))
     newest = max(centers[0])
     spin_until(lambda: max(centers[0]) > newest + 60)
+    assert applied['voxel_0_1'] == (0.0, -1.0)
     assert children['sim_node'].poll() is None
     before = links_of(health['sim_node'][2])
     assert before['voxel_0_1/actuation']['lost'] > 30
@@ -63,6 +73,7 @@ def test_dead_voxel_is_named_and_the_walk_continues(
     spin_until(lambda: 'voxel_0_1' not in silent(health))
     spin_until(lambda: 'silent: voxel_0_1' not in health['voxel_0_0'][1])
     spin_until(lambda: health['voxel_0_1'][2].get('steps', 0) > 30)
+    spin_until(lambda: applied['voxel_0_1'][1] == 0.0)
 
 
 def test_restarted_simulation_in_mid_run(walk, start_node, node, spin_until, centers, health):

@@ -38,6 +38,9 @@ def test_joint_states(step, voxel, names):
     assert [fields[f'name.{i}'].decode() for i in range(len(names))] == names
     np.testing.assert_array_equal(fields['position'], numbers)
     assert fields['velocity.size'] == fields['effort.size'] == 0
+    message = joint_state(step, f'{voxel}@{EPISODE.decode()}', names, numbers, -numbers)
+    layout = message_layout.joint_state(voxel, EPISODE, names, len(names))
+    np.testing.assert_array_equal(fields_of(message, layout)['effort'], -numbers)
 
 
 @given(STEPS, VOXELS, st.sampled_from(['mono8', '64FC1']), st.integers(1, 30))

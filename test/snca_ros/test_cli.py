@@ -14,8 +14,10 @@ import snca_ros
 from sim_node.model.constants import shown, values_of
 from snca_ros import cli
 from snca_ros.bundled import bundled_controllers
+from snca_ros.cell.architecture import Architecture
 from snca_ros.command_line import CommandParser
 from snca_ros.commands.declared_options import DeclaredOption
+from snca_ros.evolution.config import RunConfig
 
 ROOT = Path(snca_ros.__file__).parents[1]
 
@@ -59,7 +61,8 @@ def test_command_lines_are_read_in_commands_alone():
     assert elsewhere == {'snca_ros/command_line.py', 'snca_ros/nodes/voxel.py'}
     commands = {f'snca_ros/commands/{name}.py' for name in cli.COMMANDS}
     assert readers - elsewhere == {
-        *commands, 'snca_ros/commands/declared_options.py', 'snca_ros/commands/worker_options.py',
+        *commands, 'snca_ros/commands/declared_options.py', 'snca_ros/commands/json_output.py',
+        'snca_ros/commands/worker_options.py',
     }
 
 
@@ -162,6 +165,30 @@ def test_help_has_the_default_of_the_declaration(name):
             assert re.search(rf'\(default {re.escape(default)}[,;)]', action.help), action.dest
 
 
+def test_no_default_is_typed_into_a_help_text():
+    """It is a placeholder of an f-string, or described in words after a colon."""
+    typed = {
+        (path.name, words) for path in (ROOT / 'snca_ros' / 'commands').glob('*.py')
+        for words in re.findall(r"'[^']*\(default ([^:{'][^)]*)\)", path.read_text())
+        if '{' not in words
+    }
+    assert typed == set()
+
+
+def test_help_of_evolve_has_the_defaults_that_it_uses():
+    config = RunConfig.named()
+    cell = config.architecture
+    helps = {action.dest: action.help for action in parser_of('evolve')._actions}
+    for option, default in {
+        'shape': config.shape, 'architecture': cell.name, 'neuron_model': cell.neuron_model,
+        'sensors': ','.join(cell.sensors),
+    }.items():
+        assert f'(default {default})' in helps[option]
+    for name in ('U-nD', 'U-D'):
+        n_c = Architecture.named(name, config.architecture.neuron_model).n_c
+        assert f'{n_c} {name.partition("-")[2]}' in helps['n_c']
+
+
 @pytest.mark.parametrize('name', ['walk', 'evolve', *REQUIRED])
 def test_a_value_that_is_off_is_named_with_its_option_and_range(name, capsys):
     checked = [a for a in declared_options(name) if 'form' not in a.declared.metadata]
@@ -192,6 +219,51 @@ def test_wrong_options_are_one_line(arguments, hint, capsys):
     assert out == ''
     assert err.count('\n') == 1
     assert hint in err
+
+
+@pytest.mark.parametrize(('words', 'values', 'warning'), [
+    ('walk --view NAME', {'controller': 'NAME', 'view': True, 'port': None}, ''),
+    ('walk --real-time NAME', {'controller': 'NAME', 'real_time': True}, ''),
+    ('report --html BAG', {'bag': Path('BAG'), 'html': True, 'page': None}, ''),
+    ('walk --port 80 NAME', {'controller': 'NAME', 'port': 80}, ''),
+    ('walk --view 80 NAME', {'controller': 'NAME', 'port': 80}, '--port 80'),
+    ('walk NAME --view=80', {'controller': 'NAME', 'port': 80}, '--port 80'),
+    ('walk NAME --real-time 0.5', {'real_time_factor': 0.5}, '--real-time-factor 0.5'),
+    ('walk --view --real-time 2 NAME', {'controller': 'NAME', 'view': True,
+                                        'real_time_factor': 2.0}, '--real-time-factor 2'),
+    ('report --html walk.html BAG', {'bag': Path('BAG'), 'page': Path('walk.html')},
+     '--page walk.html'),
+    ('report BAG --html=page', {'bag': Path('BAG'), 'page': Path('page')}, '--page page'),
+    ('report --html -- walk.html', {'bag': Path('walk.html'), 'html': True}, ''),
+])
+def test_a_flag_does_not_take_the_next_argument(words, values, warning, capsys):
+    name, *arguments = words.split()
+    parsed = parser_of(name).parse_args(arguments)
+    assert {key: getattr(parsed, key) for key in values} == values
+    err = capsys.readouterr().err
+    assert err.count('\n') == bool(warning)
+    assert f'use {warning}\n' in err if warning else not err
+
+
+COMMANDS_WITH_RESULTS = {
+    'walk', 'evolve', 'history', 'campaign', 'assess', 'study', 'report', 'render',
+}
+
+
+def test_every_command_that_prints_results_writes_them_as_json():
+    found = {
+        name for name in cli.COMMANDS
+        if any('--json' in action.option_strings for action in parser_of(name)._actions)
+    }
+    assert found == COMMANDS_WITH_RESULTS
+
+
+def test_no_option_takes_an_optional_value():
+    """It would swallow a positional argument."""
+    assert [
+        (name, action.dest) for name in cli.COMMANDS for action in parser_of(name)._actions
+        if action.option_strings and action.nargs in ('?', '*')
+    ] == []
 
 
 @pytest.mark.parametrize(('words', 'expected'), [

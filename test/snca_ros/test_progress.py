@@ -1,8 +1,10 @@
 """How far a command is: charts of characters, one line on a terminal, few lines elsewhere."""
 
 import io
+import os
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -10,7 +12,7 @@ from hypothesis.extra.numpy import arrays
 from snca_ros.commands.evolve import ProgressLine
 from snca_ros.evolution.checkpoint import Progress
 from snca_ros.evolution.tasks import TASKS
-from snca_ros.progress import StatusLine, bars
+from snca_ros.progress import StatusLine, bars, fit
 
 NUMBERS = arrays(float, st.integers(1, 50), elements=st.floats(-1e9, 1e9) | st.just(-np.inf))
 
@@ -58,7 +60,35 @@ def test_a_line_on_a_terminal_stays_one_line(monkeypatch):
     line = StatusLine()
     line.show('x' * 200)
     line.show('done', last=True)
-    assert screen.getvalue() == '\r\x1b[K' + 'x' * 79 + '\r\x1b[Kdone\n'
+    assert screen.getvalue() == '\r\x1b[K' + 'x' * 79 + '\r\r\x1b[Kdone\n'
+
+
+@pytest.mark.parametrize(('text', 'width', 'shown'), [
+    ('3 of 9 runs done, 2 running; evaluations 1.0/s', 30, '3 of 9 runs done, 2 running'),
+    ('3 of 9 runs done, 2 running; evaluations 1.0/s', 27, '3 of 9 runs done, 2 running'),
+    ('3 of 9 runs done, 2 running', 26, '3 of 9 runs done'),
+    ('10/40 evaluations  1.0/s  best 0.50', 34, '10/40 evaluations  1.0/s'),
+    ('ten of forty evaluations', 11, 'ten of'), ('word', 3, 'wor'), ('word', 4, 'word'),
+])
+def test_a_line_is_cut_between_its_parts(text, width, shown):
+    assert fit(text, width) == shown
+
+
+def test_messages_of_other_processes_begin_a_line_and_own_ones_remove_the_progress(monkeypatch):
+    screen = become_terminal(monkeypatch, 80)
+    line = StatusLine()
+    line.show('0.0 of 30 s')
+    assert screen.getvalue().endswith('0.0 of 30 s\r')
+    line.clear()
+    assert screen.getvalue().endswith('\r\x1b[K')
+
+
+def test_progress_that_nobody_can_read_stops_no_command(monkeypatch):
+    with open('/dev/full', 'w') as full:
+        monkeypatch.setattr('sys.stderr', full)
+        StatusLine().show('done', last=True)
+        monkeypatch.undo()
+        os.dup2(os.open(os.devnull, os.O_WRONLY), full.fileno())  # its buffer is written at its end
 
 
 def test_evolution_on_a_terminal(monkeypatch):

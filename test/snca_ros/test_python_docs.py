@@ -44,6 +44,7 @@ def own_tasks():
         del TASKS[name]
 
 
+@pytest.mark.slow  # compiles a neuron model and a sensor
 def test_every_line_of_the_page_runs(tmp_path, monkeypatch, capsys, own_tasks):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(NEURON_MODELS, '_entries', dict(NEURON_MODELS))

@@ -13,8 +13,8 @@ import pytest
 import snca_ros as snca
 from sim_node.batched.engine import Robots
 from sim_node.model import terrain
-from sim_node.model.walls import NO_WALLS, Walls
 from sim_node.simulation import Simulation
+from sim_node.walls import NO_WALLS, Walls
 from snca_ros.assessment.trials import Trial, score
 from snca_ros.bundled import DEFAULT_CONTROLLER
 from snca_ros.cli import main

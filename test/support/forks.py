@@ -110,6 +110,8 @@ def start(arguments: list[str], environment: dict[str, str], cwd: str, output: s
             for standard in (1, 2):
                 os.dup2(descriptor, standard)
             os.closerange(3, 1024)
+            # The server's own streams may be those of a file, which knows its position.
+            sys.stdout, sys.stderr = (open(n, 'w', closefd=False) for n in (1, 2))  # noqa: SIM115
             os.chdir(cwd)
             os.environ.clear()
             os.environ.update({**environment, PARENT: str(os.getppid())})

@@ -1,6 +1,6 @@
 """Bags written as the recorder writes them, without ROS."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -35,6 +35,8 @@ class Walk:
     ground: np.ndarray | None = None  # (n_points, 2)
     episode: str = 'r5f0c17e'  # its name; empty in bags that are older than names of episodes
     sensors: tuple[str, ...] = DEFAULT_SENSORS
+    ages: np.ndarray | None = None  # (n, n_voxels) of the answers; None in older bags
+    applied: np.ndarray | None = None  # (n, n_voxels), None if it is the actuation
 
 
 def make_walk(
@@ -58,10 +60,14 @@ def _header(step: int, frame: str):
     return TYPES['std_msgs/msg/Header'](stamp=stamp, frame_id=frame)
 
 
-def joint_state(step: int, frame: str, names: Iterable[str], position: np.ndarray):
+def joint_state(
+    step: int, frame: str, names: Iterable[str], position: np.ndarray,
+    effort: np.ndarray | None = None,
+):
     none = np.zeros(0)
+    effort = none if effort is None else np.array(effort, dtype=float)
     return TYPES['sensor_msgs/msg/JointState'](
-        _header(step, frame), list(names), np.atleast_1d(position), none, none
+        _header(step, frame), list(names), np.atleast_1d(position), none, effort
     )
 
 
@@ -133,6 +139,12 @@ def diagnostics(node: str, figures: Mapping[str, object], process: str = 'host:1
 def messages_of_step(walk: Walk, step: int, robot: str = 'biped') -> list[Message]:
     """Return the messages that the graph publishes in control step `step`."""
     out = [('/clock', clock(step)), (f'/{robot}/odometry', odometry(step, walk.centers[step]))]
+    if walk.ages is not None and step > 0:
+        applied = walk.actuation if walk.applied is None else walk.applied
+        out.insert(0, (f'/{robot}/applied_actuation', joint_state(
+            step - 1, f'{robot}@{walk.episode}', walk.voxels, applied[step - 1],
+            walk.ages[step - 1],
+        )))
     if step % 2 == 0:
         points = {} if walk.corners is None else {
             'voxels': walk.corners[step][:, [0, 1, 2, 0, 2, 3]].reshape(-1, 2)
@@ -165,14 +177,44 @@ def messages_of_walk(walk: Walk, robot: str = 'biped') -> list[list[Message]]:
     return [messages_of_step(walk, k, robot) for k in range(len(walk.centers))]
 
 
+def death(n_steps: int, voxel: int, dead: int, backlog: int, alive: int) -> list[list[Message]]:
+    """Return the messages of a walk in real time, in which a voxel dies and is restarted.
+
+    It answers the steps before `dead`, and from step `alive` on. At that step it also answers,
+    late, those since `backlog`. The simulation holds its last answer for two steps.
+    """
+    walk = make_walk(n_steps)
+    steps = np.arange(n_steps)
+    gone = (steps >= dead) & (steps < alive)
+    ages = np.zeros(walk.actuation.shape)
+    ages[gone, voxel] = np.where(steps - dead < 2, steps - dead + 1, -1)[gone]
+    applied = walk.actuation.copy()
+    applied[gone, voxel] = np.where(steps - dead < 2, walk.actuation[dead - 1, voxel], 0.0)[gone]
+    messages = messages_of_walk(replace(walk, ages=ages, applied=applied))
+    late: list[Message] = []
+    for k in np.flatnonzero(gone):
+        answers = [
+            m for m in messages[k]
+            if f'/{walk.voxels[voxel]}/' in m[0] and not m[0].endswith('/sensors')
+        ]
+        messages[k] = [m for m in messages[k] if all(m is not answer for answer in answers)]
+        late += answers if k >= backlog else []
+    messages[alive] += late
+    return messages
+
+
 def write_messages(
     path: Path,
     steps: Iterable[list[Message]],
     storage: str = 'mcap',
     killed: bool = False,
     silent: Mapping[str, str] = MappingProxyType({}),
+    clock_error: Callable[[int], int] = lambda k: 0,
 ) -> Path:
     """Write messages, step by step, into a new bag; `silent` topics have a type and no message.
+
+    `clock_error` returns by how much the clock of the recorder is wrong in a step [ns]. A message
+    may also be the bytes of one, as a pair with its type.
 
     With `killed` it is left as a recorder leaves it that is killed: a chunk for each step, and half
     a record.
@@ -180,16 +222,20 @@ def write_messages(
     writer = Writer(path, version=9, storage_plugin=STORAGES[storage])
     writer.open()
     connections = {
-        topic: writer.add_connection(topic, kind, typestore=STORE)
+        (topic, kind): writer.add_connection(topic, kind, typestore=STORE)
         for topic, kind in silent.items()
     }
     for k, messages in enumerate(steps):
         for i, (topic, message) in enumerate(messages):
-            kind = message.__msgtype__
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
-            time = 10**18 + k * STEP_TIME + i
-            writer.write(connections[topic], time, STORE.serialize_cdr(message, kind))
+            if isinstance(message, tuple):
+                data, kind = message
+            else:
+                kind = message.__msgtype__
+                data = STORE.serialize_cdr(message, kind)
+            if (topic, kind) not in connections:
+                connections[topic, kind] = writer.add_connection(topic, kind, typestore=STORE)
+            time = 10**18 + k * STEP_TIME + i + clock_error(k)
+            writer.write(connections[topic, kind], time, data)
         if killed:
             writer.storage.close_chunk()
     if killed:

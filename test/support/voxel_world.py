@@ -12,6 +12,7 @@ from snca_ros.cell.architecture import Architecture
 from snca_ros.cell.cells import Cells, reset_cells
 from snca_ros.controller import Controller, own_parameters
 from snca_ros.faults import CellFaults, Faults, VoxelFaults
+from snca_ros.nodes.own_cell import LocalCell
 from snca_ros.nodes.own_part import OwnPart
 from snca_ros.nodes.voxel_core import SensorsResult, VoxelCore
 
@@ -57,7 +58,8 @@ class Robot:
         weights = own_parameters(self.architecture, self.parameters, self.n, i)
         faults = VoxelFaults(CellFaults(self.faults, self.morphology), i)
         return OwnPart(
-            self.architecture, Cells(self.architecture, weights[np.newaxis]), faults, 'reference'
+            self.architecture, LocalCell(Cells(self.architecture, weights[np.newaxis])), faults,
+            'reference',
         )
 
     def core(self, i, **options):

@@ -7,6 +7,7 @@ import numpy as np
 from sim_node.numerics.jit import compiled_inline
 from sim_node.numerics.lanes import negation, select
 from snca_ros.cell.coding import SNN_RATE
+from snca_ros.cell.models.model import rounded
 
 LEAK = 0.01
 """lambda_v and lambda_psi [1/ms] (authors' code)."""
@@ -33,9 +34,10 @@ class LifConstants(NamedTuple):
     homeostasis: bool = True
 
 
-class _LifNeuron(LifConstants):
-    """What both LIF neurons have: variables v, which has leaked for the next step, and psi [mV]."""
+class LifNeuron:
+    """What all LIF neurons have: variables v, which has leaked for the next step, and psi [mV]."""
 
+    homeostasis: bool
     spiking = True
     state: ClassVar = {'v': 0.0, 'psi': 0.0}
     evolved: ClassVar[dict[str, float]] = {}
@@ -59,11 +61,12 @@ def _after_step(model, silent, v, psi):
     Then v leaks for the next step: v <- v - lambda dt v (paper, Eq. 1). From v_rest = 0 nothing
     leaks, so that leak and decay are one masked instruction each.
     """
-    psi = psi + select(silent, -model.leak * psi, model.psi_inc)
-    return select(silent, v - model.leak * v, model.v_rest), psi
+    psi = rounded(model, psi + select(silent, rounded(model, -model.leak * psi), model.psi_inc))
+    v = rounded(model, v - rounded(model, model.leak * v))
+    return select(silent, v, model.v_rest), psi
 
 
-class Lif(_LifNeuron):
+class Lif(LifNeuron, LifConstants):
     """A LIF neuron with the threshold min(theta_0, bound) + psi (authors' code)."""
 
     def neuron_constants(
@@ -80,8 +83,8 @@ class Lif(_LifNeuron):
         v <- v + current (paper, Eq. 1); a spike at v >= min(theta_0, bound) + psi (Eq. 2).
         """
         v, psi = state
-        v = v + current
-        silent = v < own[0] + psi
+        v = rounded(model, v + current)
+        silent = v < rounded(model, own[0] + psi)
         return negation(silent), _after_step(model, silent, v, psi)
 
     def thresholds(self, state: tuple[Any, ...], own: tuple[Any, ...]) -> np.ndarray:
@@ -95,7 +98,7 @@ class Lif(_LifNeuron):
         )
 
 
-class LifAsPrinted(_LifNeuron):
+class LifAsPrinted(LifNeuron, LifConstants):
     """A LIF neuron by the letter of the paper, which the authors' code does not follow.
 
     Its threshold theta [mV], a third variable, compounds, and it spikes at v > theta.
@@ -118,8 +121,8 @@ class LifAsPrinted(_LifNeuron):
         v > theta.
         """
         v, psi, theta = state
-        v = v + current
-        theta = min(theta, own[0]) + psi
+        v = rounded(model, v + current)
+        theta = rounded(model, min(theta, own[0]) + psi)
         silent = v <= theta
         v, psi = _after_step(model, silent, v, psi)
         return negation(silent), (v, psi, theta)

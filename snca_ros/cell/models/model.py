@@ -55,6 +55,10 @@ class NeuronModel(Protocol):
 
     # Optional:
     #   bias(model, own): what the sum of a neuron's inputs starts from; 0 if there is none.
+    #   rounded(model, x): a result in the arithmetic of the model; `x`, a double, if there is none.
+    #   quantised(self, synapses): the weights in this arithmetic, from (n_presynaptic, n) doubles.
+    #   spike_period(model, reading), actuation(model, n_spikes, age): in place of the rate coding
+    #     in `snca_ros.cell.coding`.
     #   rests = True: without input, a neuron as it is at reset stays so, and is silent.
     #   thresholds(self, state, own): (..., n) thresholds [mV] to record, from tuples of arrays.
     #   as_printed(self): the model as the paper prints it, where the authors' code differs.
@@ -71,6 +75,21 @@ def _no_bias(model, own):
 bias = method(
     'bias', "Return what the sum of a neuron's inputs starts from, a number or lanes.", _no_bias
 )
+
+
+@compiled_inline
+def _as_double(model, x):
+    return x
+
+
+rounded = method(
+    'rounded', "Return a double, or lanes of them, rounded to the model's arithmetic.", _as_double
+)
+
+
+def quantised(model: NeuronModel, synapses: np.ndarray) -> np.ndarray:
+    """Return weights, (n_presynaptic, n), as the model's arithmetic represents them."""
+    return model.quantised(synapses) if hasattr(model, 'quantised') else synapses
 
 
 def printed_variant(model: NeuronModel) -> NeuronModel:

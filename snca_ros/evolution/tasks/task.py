@@ -10,7 +10,7 @@ import numpy as np
 
 from sim_node.control_time import CONTROL_RATE, steps_in
 from sim_node.errors import InvalidInput
-from sim_node.model.walls import NO_WALLS, Walls
+from sim_node.walls import NO_WALLS, Walls
 
 TRANSIENT = 5.0
 """What is not scored at the start of an episode [s] (paper, section 4.1)."""

@@ -12,6 +12,7 @@ class LiveWalk extends Walk {
     };
     for (const [name, row] of Object.entries(rows))
       this.data[name] = { raw: [], low: 0, step: 1, none: null, row };
+    this.data.state = { raw: [], low: 0, step: 1, none: undefined, row: each };
     this.data.messages = { raw: [], low: 0, step: 1, none: undefined, row: each * this.channelCount };
   }
 
@@ -53,12 +54,17 @@ class LiveWalk extends Walk {
   }
 
   // Add a frame; return false if it is of another episode, after a reset.
-  append({ step, messages, health, ...numbers }) {
+  append({ step, messages, ages, health, ...numbers }) {
     const time = step / this.rate;
     if (time < this.duration) return false;
     for (const [at, voxel, channels] of messages)
       channels.forEach((value, i) => {
         this.data.messages.raw[(at * this.voxels.length + voxel) * this.channelCount + i] = value;
+      });
+    for (const [at, row] of ages)
+      row.forEach((age, voxel) => {
+        const state = age === 0 ? 0 : 4 | (age > 0 ? HELD : LIMP);
+        this.data.state.raw[at * this.voxels.length + voxel] = state;
       });
     this.health = health;
     if (time === this.duration && this.frames) return true;
@@ -78,7 +84,7 @@ class LiveWalk extends Walk {
       let spikes = 0, received = 0;
       for (let at = Math.max(step - this.rate, 0); at < step; at++) {
         const first = (at * each + voxel) * n;
-        if (raw[first] === undefined) continue;
+        if (raw[first] === undefined || this.state(at, voxel).late) continue;
         received++;
         for (let i = 0; i < n; i++)
           for (let bits = raw[first + i]; bits; bits &= bits - 1) spikes++;

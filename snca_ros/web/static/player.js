@@ -13,6 +13,7 @@ class Player {
     this.selection = {};
     this.stage = new Stage(element('stage'), walk);
     this.raster = walk.has('messages') ? new Raster(element('raster'), walk) : null;
+    this.spans = new Spans(element('spans'), walk);
     const seek = (time) => this.seek(time);
     this.plots = [['v_x', 'v_x [m/s]'], ['rate', 'rate [Hz]'], ['threshold', 'threshold [mV]']]
       .filter(([name]) => walk.has(name))
@@ -45,6 +46,7 @@ class Player {
     new ResizeObserver(() => this.draw()).observe(document.body);
     const redraw = () => {
       this.plots.forEach((plot) => plot.chart.redraw());
+      this.spans.drawn = {};
       this.draw();
     };
     matchMedia('(prefers-color-scheme: dark)').addEventListener('change', redraw);
@@ -140,6 +142,7 @@ class Player {
     const { x, v_x: velocity } = this.state();
     this.stage.draw(this.time, this.selection);
     this.raster?.draw(this.time, this.selection);
+    this.spans.draw(this.selection);
     this.plots.forEach((plot) => plot.draw(this.time));
     element('scrub').value = Math.round(this.time * this.walk.rate);
     element('scrub').setAttribute('aria-valuetext', `${this.time.toFixed(1)} seconds`);

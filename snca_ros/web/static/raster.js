@@ -33,6 +33,7 @@ class Raster {
     context.textBaseline = 'middle';
     for (const { label, voxel, channels } of groups) {
       const below = top;
+      this.shades(context, voxel, time, top - channels.length * row, channels.length * row, place);
       for (const channel of channels) {
         top -= row;
         this.channel(context, voxel, channel, time, top, row, place);
@@ -47,20 +48,47 @@ class Raster {
     context.fillRect(now - 1, 0, 2, height);
   }
 
+  // Shade the steps at which a voxel is limp, or its answer or message did not come in time.
+  shades(context, voxel, time, top, height, place) {
+    const { walk } = this, [first, last] = this.range(time);
+    for (let begin = first, step = first; step <= last; step++) {
+      const shade = walk.shade(begin, voxel);
+      if (step < last && walk.shade(step + 1, voxel) === shade) continue;
+      const x = place(begin / walk.rate);
+      begin = step + 1;
+      if (!shade) continue;
+      context.fillStyle = color(shade);
+      context.fillRect(x, top, place(begin / walk.rate) - x, height);
+    }
+  }
+
+  // Return the first and the last step shown.
+  range(time) {
+    const { walk } = this;
+    return [
+      Math.max(0, Math.floor((time - RASTER_PAST) * walk.rate)),
+      Math.min(walk.steps - 1, Math.ceil((time + RASTER_FUTURE) * walk.rate)),
+    ];
+  }
+
   channel(context, voxel, channel, time, top, row, place) {
     const { walk } = this, { raw } = walk.data.messages;
-    const first = Math.max(0, Math.floor((time - RASTER_PAST) * walk.rate));
-    const last = Math.min(walk.steps - 1, Math.ceil((time + RASTER_FUTURE) * walk.rate));
-    context.fillStyle = color('spike');
+    const [first, last] = this.range(time), colors = [color('spike'), color('late')];
     for (let step = first; step <= last; step++) {
       const index = (step * walk.voxels.length + voxel) * walk.channelCount + channel;
       const x = place(step / walk.rate), next = place((step + 1) / walk.rate);
+      const { late } = walk.state(step, voxel);
       if (walk.spiking) {
+        context.fillStyle = colors[Number(late)];
         for (let bits = raw[index], h = 0; bits; bits >>= 1, h++)
           if (bits & 1) context.fillRect(x + ((next - x) * h) / 16, top + 1, 1.5, Math.max(row - 2, 1));
       } else {
-        context.fillStyle = areaColor(1 - 0.25 * walk.at('messages', 0, index));
+        const value = walk.at('messages', 0, index);
+        if (Number.isNaN(value) && walk.shade(step, voxel)) continue;
+        context.globalAlpha = late ? 0.35 : 1;
+        context.fillStyle = areaColor(1 - 0.25 * value);
         context.fillRect(x, top, next - x + 0.5, row);
+        context.globalAlpha = 1;
       }
     }
   }

@@ -65,7 +65,8 @@ class Stage {
     const shapes = this.walk.voxels.map((_, i) =>
       this.walk.corners(i, time).map((corner) => this.pixel(corner)));
     const [frame] = this.walk.around(time);
-    shapes.forEach((shape, i) => this.voxel(context, shape, i, frame));
+    const step = Math.floor(time * this.walk.rate + 1e-6);
+    shapes.forEach((shape, i) => this.voxel(context, shape, i, frame, this.walk.shade(step, i)));
     shapes.forEach((shape, i) => this.footprint(context, shape, i, frame));
     this.selected(context, shapes, selection);
     this.shapes = shapes;
@@ -109,12 +110,17 @@ class Stage {
   }
 
   // Draw a voxel in the colour of its area, with an inner square that shows its actuation.
-  voxel(context, shape, i, frame) {
+  // A voxel whose answer or message does not come in time is shaded.
+  voxel(context, shape, i, frame, shade) {
     this.path(context, shape);
     context.fillStyle = areaColor(this.walk.at('area', frame, i));
     context.strokeStyle = '#2b2b2b';
     context.lineWidth = Math.max(1, 0.1 * this.scale);
     context.fill();
+    if (shade) {
+      context.fillStyle = color(shade);
+      context.fill();
+    }
     context.stroke();
     const [level] = this.walk.health?.[this.walk.voxels[i]] ?? [0];
     if (level > 0) this.unhealthy(context, shape, level);

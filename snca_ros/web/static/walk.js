@@ -1,6 +1,8 @@
 // The data of a walk, by frame and by time.
 'use strict';
 
+const HELD = 1, LIMP = 2; // as in snca_ros.recording.outcomes.Outcome
+
 class Walk {
   // header: the page's JSON; buffer: the bytes of its arrays, concatenated.
   constructor(header, buffer) {
@@ -64,6 +66,19 @@ class Walk {
   between(name, time, column = 0) {
     const [a, b, part] = this.around(time);
     return (1 - part) * this.at(name, a, column) + part * this.at(name, b, column);
+  }
+
+  // Return the state of a voxel at a control step. HELD: an older answer moves it, LIMP: none does,
+  // UNKNOWN: a gap in the recording; late: its message came too late; silent: there is none.
+  state(step, voxel) {
+    const raw = this.data.state.raw[step * this.voxels.length + voxel] ?? 0;
+    return { outcome: raw & 3, late: (raw & 4) > 0, silent: (raw & 8) > 0 };
+  }
+
+  // Return the colour that marks a state; none if the voxel's answer and message came in time.
+  shade(step, voxel) {
+    const { outcome, late, silent } = this.state(step, voxel);
+    return outcome === LIMP ? 'limp' : outcome === HELD || late || silent ? 'held' : undefined;
   }
 
   // Return the corners [m] of a voxel at a time: [[x, y], ...], clockwise from the upper left.

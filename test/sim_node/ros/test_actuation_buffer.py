@@ -49,17 +49,21 @@ def test_actuation_is_held_until_the_voxel_counts_as_silent():
     assert answers.take(1, 0, -1.0, step=0, now=0.0)
     assert answers.missing == []
     np.testing.assert_array_equal(answers.close_step(0), [0.5, -1.0])
+    np.testing.assert_array_equal(answers.ages(0), [0, 0])
     answers.open_step()
     assert answers.take(0, 1, 0.25, step=1, now=0.2)
     assert answers.missing == ['voxel_1_0']
     np.testing.assert_array_equal(answers.close_step(1), [0.25, -1.0])
+    np.testing.assert_array_equal(answers.ages(1), [0, 1])
     answers.open_step()
     assert not answers.take(1, 1, 0.75, step=2, now=0.25)  # late, but the newest
     np.testing.assert_array_equal(answers.close_step(2), [0.25, 0.75])
+    np.testing.assert_array_equal(answers.ages(2), [1, 1])
     assert answers.mark_silent(0.5, 0.25) == ['voxel_0_0']
     assert answers.mark_silent(0.5, 0.25) == []
     answers.open_step()
     np.testing.assert_array_equal(answers.close_step(3), [0.0, 0.75])
+    np.testing.assert_array_equal(answers.ages(3), [-1, 2])
     assert answers.silent == {'voxel_0_0'}
     assert not answers.take(0, 1, 0.25, step=4, now=0.6)  # repeated: it stays silent
     assert answers.silent == {'voxel_0_0'}
@@ -75,4 +79,5 @@ def test_late_actuation_is_not_applied_in_lock_step():
     assert not answers.take(0, 0, 0.5, step=1, now=0.0)
     answers.silent.update(VOXELS)
     np.testing.assert_array_equal(answers.close_step(1), [0.0, 0.0])
+    np.testing.assert_array_equal(answers.ages(1), [-1, -1])
     assert answers.silent == set(VOXELS)

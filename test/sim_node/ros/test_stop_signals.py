@@ -11,7 +11,7 @@ from sim_node.ros.stop_signals import STOP_SIGNALS, StopRequest, blocked_stop_si
 IN_A_FINALISER = """
 import signal
 from sim_node.ros.stop_signals import exit_at_stop_signals
-from snca_ros.command_line import exiting_at_interrupt
+from snca_ros.interrupts import exiting_at_interrupt
 
 class Item:  # whose finaliser, as in an import, is interrupted
     def __del__(self):

@@ -122,12 +122,30 @@ def test_summary_of_starts():
         ([DEFAULT_CONTROLLER, '--duration', '5'], ['duration', '5.0', 'above 5 s']),
         ([DEFAULT_CONTROLLER, '--duration', 'nan'], ['duration', 'nan']),
         ([DEFAULT_CONTROLLER, '--figure', 'scores.xyz'], ['scores.xyz', '.png']),
+        ([DEFAULT_CONTROLLER, '--arithmetic', 'int4'], ['--arithmetic', 'int4', 'int8']),
+        (['worm-U-D-mlp', '--arithmetic', 'int8'], ['arithmetic', 'a perceptron in integers']),
     ],
 )
 def test_bad_input_is_one_line(arguments, words, capsys):
     code, out, err = assess(*arguments, capsys=capsys)
     assert (code, out, err.count('\n')) == (2, '', 1)
     assert all(word in err for word in words)
+
+
+def test_trials_are_in_the_arithmetic_of_the_command(capsys, monkeypatch):
+    asked = []
+
+    def pretend(workers, trials):
+        asked.extend(trials)
+        return np.zeros(len(trials))
+
+    monkeypatch.setattr('snca_ros.commands.assess.run_trials', pretend)
+    code, _, _ = assess(DEFAULT_CONTROLLER, '--terrains', 'flat', '--arithmetic', 'int8',
+                        '--workers', 1, capsys=capsys)
+    assert code == 0
+    (trial,) = asked
+    assert trial.trained.architecture.arithmetic == 'int8'
+    assert trial.trained.architecture.model.bits == 8
 
 
 def test_csv_that_cannot_be_written_is_refused_before_the_work(worms, capsys):

@@ -28,7 +28,7 @@ runs = st.builds(
     strategy=st.sampled_from(['es', 'cma']),
     population=st.integers(4, 100_000),
     sigma=st.floats(1e-9, 100.0).map(lambda x: float(f'{x:.15g}')),
-    duration=st.floats(5.0, 3600.0).map(lambda x: float(f'{x:.15g}')),
+    duration=st.floats(5.1, 3600.0).map(lambda x: float(f'{x:.15g}')),
     transient=st.floats(0.0, 5.0).map(lambda x: float(f'{x:.15g}')),
 )
 

@@ -30,6 +30,11 @@ def runs_of(tmp_path, values):
     return read_campaign(path)
 
 
+def test_the_defaults_are_those_of_evolve(tmp_path):
+    named = {'shape': 'worm', 'architecture': 'U-D', 'neuron_model': 'mlp'}
+    assert runs_of(tmp_path, named) == [RunConfig.named(**named)]
+
+
 def test_the_papers_main_campaign():
     runs = read_campaign(EXPERIMENTS / 'paper-main.yaml')
     cases = {(run.shape, run.architecture.name, run.architecture.neuron_model) for run in runs}

@@ -89,6 +89,11 @@ def test_as_printed(model):
     check(Architecture.named('U-D', model, as_printed=True), 4)
 
 
+@pytest.mark.parametrize(('model', 'arithmetic'), [('snn-h', 'int8'), ('mlp', 'float32')])
+def test_other_arithmetic(model, arithmetic):
+    check(Architecture.named('U-D', model, arithmetic=arithmetic), 4)
+
+
 @pytest.mark.parametrize(('name', 'model'), [('U-nD', 'snn-h'), ('nU-D', 'mlp')])
 def test_lanes_do_not_matter(name, model):
     architecture = Architecture.named(name, model)

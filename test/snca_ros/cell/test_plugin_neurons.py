@@ -132,7 +132,7 @@ def test_it_evolves_in_both_engines_and_is_kept_in_a_file(name, tmp_path):
     candidates = np.random.default_rng(0).uniform(-1.0, 1.0, (4, config.n_parameters))
     for engine in ('pymunk', 'batched'):
         of_engine = RunConfig(**{**vars(config), 'engine': engine})
-        scores = list(evaluate(IN_PROCESS, of_engine, candidates))
+        scores = [one.score for one in evaluate(IN_PROCESS, of_engine, candidates)]
         assert len(set(scores)) == 4
         assert np.isfinite(scores).all()
     assert name in config.name

@@ -125,7 +125,7 @@ def test_evolution_on_a_cluster_that_loses_a_worker(workers, scheduler, tmp_path
     for name in ('history.csv', 'best.npz', 'checkpoint.npz'):
         assert (there / name).read_bytes() == (here / name).read_bytes()
 
-    config = RunConfig('worm-3x1', Architecture.named('U-nD', 'snn-h'), duration=5.0)
+    config = RunConfig('worm-3x1', Architecture.named('U-nD', 'snn-h'), duration=5.0, transient=0.0)
     thetas = np.random.default_rng(0).uniform(-1.0, 1.0, (24, config.n_parameters))
     alone = list(evaluate(IN_PROCESS, config, thetas))
     with cluster_workers(scheduler) as cluster:

@@ -44,6 +44,7 @@ def test_a_campaign_picks_its_runs_of_a_shared_table(tmp_path):
     file = tmp_path / 'campaign.yaml'
     file.write_text(yaml.safe_dump({
         'shape': 'biped', 'seed': [0, 5], 'architecture': 'U-nD', 'neuron_model': ['snn-h', 'snn'],
+        'engine': 'batched',
     }))
     cases = read_cases([results], [file])
     assert {shape: list(map(str, types)) for shape, types in cases.items()} == {
@@ -115,7 +116,7 @@ def test_missing_runs_are_named(tmp_path):
     file = tmp_path / 'campaign.yaml'
     file.write_text(yaml.safe_dump({
         'shape': ['biped', 'comb'], 'seed': [0, 1, 2], 'neuron_model': 'mlp',
-        'architecture': ['U-D', 'nU-D'],
+        'architecture': ['U-D', 'nU-D'], 'engine': 'batched',
     }))
     assert missing_runs(cases, [file]) == [
         'biped: only 2 of 3 runs of U-D MLP, nU-D MLP', 'comb: no run yet of U-D MLP, nU-D MLP'

@@ -81,11 +81,12 @@ def test_last_whole_population_outlives_a_generation_that_the_budget_cuts(whole)
     individuals, fitness = progress.population
     assert (individuals.shape, fitness.shape) == ((8, CONFIG.n_parameters), (8,))
     assert (np.diff(fitness) <= 0.0).all()
-    assert list(Evaluator(CONFIG)(individuals)) == fitness.tolist()
+    assert [one.score for one in Evaluator(CONFIG)(individuals)] == fitness.tolist()
     strategy = CONFIG.new_strategy()
     for _ in range(2):
         candidates = strategy.ask()
-        strategy.tell(candidates, np.array(Evaluator(CONFIG)(candidates)))
+        scored = Evaluator(CONFIG)(candidates)
+        strategy.tell(candidates, np.array([one.score for one in scored]))
     assert individuals.tolist() == strategy.individuals.tolist()
     assert len(progress.strategy['individuals']) == 1 + 5
     assert_same(RunFolder.resume(path).load().population, progress.population)

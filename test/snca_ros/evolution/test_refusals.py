@@ -92,7 +92,7 @@ def test_bad_input_is_one_line_and_no_folder(tmp_path, arguments, words):
         ('--population 3', ['population', '3', 'from 4 to']),
         ('--sigma nan', ['sigma', 'nan']),
         ('--sigma -0.1', ['sigma', '-0.1']),
-        ('--strategy cma --sigma 0', ['--sigma: got 0.0', '1e-06 to 100']),
+        ('--strategy cma --sigma 0', ['--sigma: got 0.0', '1e-09 to 100']),
         ('--sigma inf', ['sigma', 'inf']),
         ('--duration 0', ['duration', '0.0', 'from 0.1 to']),
         ('--duration 1 --transient 2', ['transient', '2.0', 'below the duration', '1 s']),

@@ -185,7 +185,7 @@ def test_records_end_where_the_physics_diverges(runner):
     for array in episode.records.values():
         assert array.shape == (n_steps, 2)
         assert np.isfinite(array).all()
-    assert [score_of(TASKS[name], episode, 0.0) for name in TASKS] == [-np.inf] * len(TASKS)
+    assert [score_of(TASKS[name], episode, 0.0).score for name in TASKS] == [-np.inf] * len(TASKS)
 
 
 def test_unknown_records_are_refused_before_there_is_a_run():

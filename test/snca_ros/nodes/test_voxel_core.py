@@ -11,6 +11,8 @@ from support.voxel_world import NoSimulations
 
 from sim_node.control_time import START_STEPS
 from sim_node.errors import InvalidInput
+from snca_ros.cell.architecture import Architecture
+from snca_ros.nodes.own_cell import LocalCell
 from snca_ros.nodes.own_part import OwnPart
 from snca_ros.nodes.voxel_core import POLL_PERIOD, SensorsResult, VoxelCore
 
@@ -32,9 +34,6 @@ class CellSpy:
 
     def reset(self):
         self.resets += 1
-
-    def empty_inbox(self):
-        return np.zeros((4, 1, 1))
 
     def step_cell(self, i, readings, inbox, step):
         assert i == 0
@@ -59,14 +58,14 @@ class NoFaults:
 
 
 def make_core(patience=0.0, real_time=False, joined=True, faults=None, simulations=None):
-    architecture = SimpleNamespace(directional=False)
-    part = OwnPart(architecture, CellSpy(), faults or NoFaults(), 'reference')
+    architecture, cells = Architecture.named('U-nD', 'mlp', n_c=1), CellSpy()
+    part = OwnPart(architecture, LocalCell(cells), faults or NoFaults(), 'reference')
     core = VoxelCore(
         part, [LEFT, RIGHT], patience=patience, real_time=real_time, horizon=HORIZON,
         simulations=simulations or NoSimulations(),
     )
     core.joined = joined
-    return core, part.cells
+    return core, cells
 
 
 def numbered_message(number):
@@ -129,6 +128,8 @@ class AnythingArrives(RuleBasedStateMachine):
     @precondition(lambda self: self.core.unanswered and not self.core.joined)
     @rule(doubled=st.booleans())
     def join(self, doubled):
+        if self.real_time:
+            self.core.note_published(self.core.episode, self.core.step)
         assert self.core.join(lambda episode: doubled) == (not doubled)
         assert self.core.held_back == doubled
         self.look()
@@ -320,6 +321,38 @@ def test_joins_after_a_limit_without_a_pause():
         sense(core, step, now=50.0 + step / 64)
         waited.append(core.joining)
     assert waited == [True] * 13 + [False] * 17, 'after 0.2 s'
+
+
+def test_in_real_time_a_late_joiner_answers_no_sensors_of_steps_that_are_over():
+    core, cell = make_core(joined=False, real_time=True)
+    step, now = 300, 0.0
+    while now < 2.0:  # what the simulation has published before, however long it takes to come
+        sense(core, step, now=now)
+        assert core.joining
+        assert core.needs_newest
+        assert not core.join(lambda episode: False)
+        step, now = step + 1, now + 0.05
+    core.note_published(EPISODES[1], 600)  # of another episode
+    assert core.needs_newest
+    core.note_published(EPISODES[0], 600)
+    for old in range(step, 600):
+        sense(core, old, now=now)
+        assert not core.join(lambda episode: False)
+    sense(core, 600, now=now)
+    assert not core.joining
+    assert core.join(lambda episode: False)
+    assert core.answer(now).step == 600
+    assert len(cell.inputs) == 1
+    sense(core, 601, now=now)
+    assert core.answer(now).step == 601
+
+
+@pytest.mark.parametrize('step', range(START_STEPS))
+def test_in_real_time_voxels_join_the_first_steps_without_newer_sensors(step):
+    core, _ = make_core(joined=False, real_time=True)
+    sense(core, step)
+    assert not core.needs_newest
+    assert core.join(lambda episode: False)
 
 
 def test_a_duplicate_is_held_back_until_the_other_node_is_gone():

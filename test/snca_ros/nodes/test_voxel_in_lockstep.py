@@ -58,7 +58,8 @@ def test_any_delay_and_any_order_across_links(robot, chance):
 @given(robots, chances)
 def test_repeated_messages_and_other_episodes_change_nothing(robot, chance):
     world = World(robot)
-    poison = np.ones_like(robot.part(0).cells.outbox[0])
+    cell = robot.architecture
+    poison = np.ones((cell.n_destinations, cell.n_c, cell.message_width))
     for _ in range(N_EVENTS):
         advance(world, chance)
         i = chance.randrange(robot.n)

@@ -5,7 +5,14 @@ import json
 import numpy as np
 import pytest
 from PIL import Image
-from support.synthetic_bag import Walk, diagnostics, make_walk, messages_of_walk, write_messages
+from support.synthetic_bag import (
+    Walk,
+    death,
+    diagnostics,
+    make_walk,
+    messages_of_walk,
+    write_messages,
+)
 
 from snca_ros.cli import main
 from snca_ros.command_line import BAD_INPUT
@@ -32,15 +39,30 @@ def test_printed_report(bag, capsys):
     words = [line.split() for line in out.splitlines()]
     assert ['v_x', repr(gait.velocity), 'm/s', '(whole', 'walk)'] in words
     assert ['physics', 'reference'] in words
-    assert ['voxel_0_0', f'{gait.firing_rates[0]:.1f}', f'{gait.frequencies[0]:.2f}'] in words
-    assert ['spikes', '60', '58', '2'] in words
-    assert ['sensors', '60', '60', '0'] in words
-    assert ['odometry', '31', '31', '0'] in words
-    assert ['total', '242', '240', '2'] in words
+    rate, peak = f'{gait.firing_rates[0]:.1f}', f'{gait.frequencies[0]:.2f}'
+    assert ['voxel_0_0', rate, peak, '0', '0'] in words
+    assert ['messages', 'sent', 'in', 'time', 'late', 'lost', 'never', 'sent'] in words
+    assert ['spikes', '60', '58', '0', '2', '0'] in words
+    assert ['sensors', '60', '60', '0', '0', '0'] in words
+    assert ['odometry', '31', '31', '0', '0', '0'] in words
+    assert ['total', '242', '240', '0', '2', '0'] in words
     assert 'lost on /biped/voxel_1_0/spikes: 2 (steps 7, 8)' in out
     assert '/biped/markers 16' in out
     with Image.open(bag / 'report.png') as picture:
         assert min(picture.size) > 400
+
+
+def test_a_bag_that_cannot_be_written_is_reported(bag, tmp_path, capsys):
+    (bag / 'report.png').mkdir()  # like a read-only bag, also for root
+    assert main(['report', str(bag), '--json', '-']) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)['robot'] == 'biped'
+    assert 'no figure, the bag cannot be written; name a file by --figure (' in err
+    assert main(['report', str(bag), '--figure', str(tmp_path / 'figure.png')]) == 0
+    assert capsys.readouterr().out.endswith(f'figure: {tmp_path / "figure.png"}\n')
+    (bag / 'replay.html').mkdir()
+    assert main(['report', str(bag), '--html']) == BAD_INPUT
+    assert 'page: got ' in capsys.readouterr().err
 
 
 def test_deliveries_and_step_times(tmp_path, capsys):
@@ -71,6 +93,27 @@ def test_deliveries_and_step_times(tmp_path, capsys):
     assert told['figures']['missed deadlines'] == 2
 
 
+def test_a_death_is_reported(tmp_path, capsys):
+    """A voxel answers until step 4, again from step 20, and late what it missed since 10."""
+    bag = write_messages(tmp_path / 'bag', death(N_STEPS, 1, dead=5, backlog=10, alive=20))
+    assert main(['report', str(bag), '--json', str(tmp_path / 'r.json')]) == 0
+    out = capsys.readouterr().out
+    words = [line.split() for line in out.splitlines()]
+    for kind in ('actuation', 'spikes'):
+        assert [kind, '55', '45', '10', '0', '5'] in words
+        assert f'late on /biped/voxel_1_0/{kind}: 10 (steps 10, 11, 12, 13, 14, ...)' in out
+        assert f'never sent on /biped/voxel_1_0/{kind}: 5 (steps 5, 6, 7, 8, 9)' in out
+    assert [line[-2:] for line in words if line[:1] == ['voxel_1_0']] == [['2', '13']]
+    told = json.loads((tmp_path / 'r.json').read_text())
+    assert told['voxels']['voxel_1_0']['steps'] == {
+        'in time': 15, 'held': 2, 'limp': 13, 'unknown': 0
+    }
+    counts = told['topics']['/biped/voxel_1_0/spikes']
+    assert (counts['in_time'], counts['late'], counts['never_sent']) == (15, 10, 5)
+    figure = draw_recording(read_bag(bag))
+    assert any('limp' in axes.get_title(loc='left') for axes in figure.axes)
+
+
 def test_json_and_figure_are_written_to_given_paths(bag, tmp_path):
     figure, numbers = tmp_path / 'walk.svg', tmp_path / 'walk.json'
     assert main(['report', str(bag), '--figure', str(figure), '--json', str(numbers)]) == 0
@@ -81,10 +124,12 @@ def test_json_and_figure_are_written_to_given_paths(bag, tmp_path):
     assert told['physics'] == 'reference'
     assert told['voxels']['voxel_1_0']['frequency'] == gait.frequencies[1]
     assert told['topics']['/biped/voxel_1_0/spikes'] == {
-        'sent': 30, 'received': 28, 'lost': 2, 'refused': 0
+        'sent': 30, 'received': 28, 'in_time': 28, 'late': 0, 'lost': 2, 'never_sent': 0,
+        'refused': 0,
     }
     assert told['topics']['/biped/markers'] == {
-        'sent': None, 'received': 16, 'lost': None, 'refused': 0
+        'sent': None, 'received': 16, 'in_time': None, 'late': None, 'lost': None,
+        'never_sent': None, 'refused': 0,
     }
     assert not (bag / 'report.png').exists()
 

@@ -4,6 +4,7 @@ import os
 import shutil
 
 import pytest
+from support.limits import LIMIT
 
 NAMES = ('chromium', 'chromium-browser', 'google-chrome')
 SIZES = {'phone': {'width': 390, 'height': 844}, 'wide': {'width': 1600, 'height': 950}}
@@ -30,6 +31,13 @@ def browser():
         chromium.close()
 
 
+def new_page(context):
+    """Return a new page, whose waits end only if they hang."""
+    page = context.new_page()
+    page.set_default_timeout(1000 * LIMIT)
+    return page
+
+
 @pytest.fixture
 def open_page(browser):
     """Return a function that opens a page and waits until it is ready.
@@ -41,7 +49,7 @@ def open_page(browser):
     def open_(address: str, size: str = 'wide', scheme: str = 'light'):
         context = browser.new_context(viewport=SIZES[size], color_scheme=scheme)
         contexts.append(context)
-        page = context.new_page()
+        page = new_page(context)
         page.on('console', lambda message: messages.append(message.text))
         page.on('pageerror', lambda error: messages.append(str(error)))
         page.on('request', lambda request: note(request.url))

@@ -16,6 +16,7 @@ from snca_ros.cli import main
 from snca_ros.command_line import BAD_INPUT
 from snca_ros.controller_file import TrainedController, save_controller
 from snca_ros.recording.offline import record_offline
+from snca_ros.recording.outcomes import Outcome
 from snca_ros.web.page import walk_page
 
 DURATION = 3.0
@@ -175,6 +176,41 @@ def test_voxels_and_connections_are_selected(page, recording):
     needle = 34 + 1.5 * (width - 34) / 2.0
     marks = np.append(ticks, needle)
     assert all(np.abs(marks - x).min() <= 3 for x in drawn)
+
+
+def test_a_death_is_seen_on_slider_raster_and_robot(open_page, tmp_path):
+    outcomes = np.zeros((120, 3), dtype=np.uint8)
+    outcomes[30:60, 1], outcomes[60:90, 1] = Outcome.HELD, Outcome.LIMP
+    late = outcomes > 0
+    recording = made_recording(outcomes=outcomes, late=late, heard=~late)
+    (tmp_path / 'page.html').write_text(walk_page(recording, 'dead'))
+    page = open_page((tmp_path / 'page.html').as_uri())
+    shades = page.evaluate('[10, 40, 70, 100].map((step) => player.walk.shade(step, 1) ?? "")')
+    assert shades == ['', 'held', 'limp', '']
+    columns = page.evaluate('[{}, {from: 1}, {from: 0}].map((s) => player.spans.columns(119, s))')
+    assert columns[0] == columns[1] == [None] * 30 + ['held'] * 30 + ['limp'] * 30 + [None] * 29
+    assert columns[2] == [None] * 119
+    page.evaluate('player.select({from: 1}), player.seek(1.25)')
+    strip, robot, ticks = page.evaluate("""() => {
+      const read = (canvas, ...where) =>
+        [...canvas.getContext('2d').getImageData(...where).data];
+      const {spans, stage, raster} = player, shape = stage.shapes[1], {canvas} = raster;
+      const row = read(spans.canvas, 0, 2, spans.canvas.width, 1);
+      const alpha = (time) => row[4 * Math.round(spans.canvas.width * time / 1.98333) + 3];
+      const [x, y] = [0, 1].map((i) => 0.9 * shape[0][i] + 0.1 * shape[2][i]);
+      const area = areaColor(player.walk.at('area', 37, 1)).match(/[0-9]+/g).map(Number);
+      const pixels = read(canvas, 0, 0, canvas.width, canvas.height), drawn = new Set();
+      for (let i = 0; i < pixels.length; i += 4)
+        drawn.add('#' + [0, 1, 2].map((j) => pixels[i + j].toString(16).padStart(2, '0')).join(''));
+      return [
+        [0.1, 0.75, 1.25].map(alpha),
+        read(stage.canvas, x, y, 1, 1).slice(0, 3).some((c, i) => Math.abs(c - area[i]) > 20),
+        ['spike', 'late'].map((name) => drawn.has(color(name))),
+      ];
+    }""")
+    assert strip[0] == 0 < strip[1] < strip[2]
+    assert robot, 'the voxel is not shaded'
+    assert ticks == [True, True]
 
 
 @pytest.mark.parametrize('size', ['phone', 'wide'])

@@ -115,6 +115,7 @@ def test_a_connection_lost_without_a_close_frame_is_no_error(server, caplog):
 
 def test_the_page_follows_a_walk_and_commands(server, browser):
     page, messages = browser.new_page(), []
+    page.set_default_timeout(1000 * LIMIT)
     page.on('console', lambda message: messages.append(message.text))
     page.on('pageerror', lambda error: messages.append(str(error)))
     with page.expect_websocket() as opened:

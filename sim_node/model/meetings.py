@@ -1,55 +1,15 @@
-"""The walls at both ends of the ground, and the control steps at which a robot meets them.
+"""Finds the control steps at which a robot meets the walls at both ends of the ground.
 
 The ground is 2 km long, and behind either end of it stands a wall. A robot has met a wall when an
 outer corner of a voxel is beyond the wall's foot. This is looked for at every `MARKER_PERIOD`-th
 control step, those whose outlines are recorded, so that an episode and its recording agree.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
-from sim_node.control_time import CONTROL_RATE, MARKER_PERIOD
+from sim_node.control_time import MARKER_PERIOD
 from sim_node.numerics.jit import compiled
-
-
-class Walls(NamedTuple):
-    """The control steps at which a robot first met the walls; None if it did not meet them.
-
-    Attributes:
-        behind: the wall behind its start, where x is least.
-        ahead: the wall at the end of the ground.
-    """
-
-    behind: int | None = None
-    ahead: int | None = None
-
-    @property
-    def times(self) -> tuple[float | None, float | None]:
-        """Return the two times [s]."""
-        behind, ahead = (None if step is None else step / CONTROL_RATE for step in self)
-        return behind, ahead
-
-    def free_part(self, rows: np.ndarray) -> np.ndarray:
-        """Return the rows until the wall at the end of the ground is met.
-
-        Args:
-            rows: (n, ...) one row per control step, from step 0.
-        """
-        return rows if self.ahead is None else rows[: self.ahead + 1]
-
-    def describe(self) -> list[str]:
-        """Return a sentence for each wall that was met."""
-        behind, ahead = self.times
-        found = []
-        if behind is not None:
-            found.append(f'met the wall behind its start at {behind:.2f} s')
-        if ahead is not None:
-            found.append(f'met the wall at the end of the ground at {ahead:.2f} s')
-        return found
-
-
-NO_WALLS = Walls()
+from sim_node.walls import Walls
 
 _NOT_MET = -1
 

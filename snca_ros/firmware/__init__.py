@@ -1,0 +1,1 @@
+"""Firmware for microcontrollers: the C of a cell, and the host's end of its link."""

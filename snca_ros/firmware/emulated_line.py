@@ -1,0 +1,77 @@
+"""The line to an emulated board, which runs as long as the line is open."""
+
+import contextlib
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+from sim_node.errors import InvalidInput, check_name
+from snca_ros.firmware.boards import BOARDS
+
+_MOST = 65536  # bytes read at once
+
+# Lets the kernel kill the process when its parent ends (PR_SET_PDEATHSIG), and becomes the board.
+_LAUNCH = """
+import ctypes, os, signal, sys
+ctypes.CDLL(None).prctl(1, signal.SIGKILL)
+os.execvp(sys.argv[1], sys.argv[1:])
+"""
+
+
+def check_image(board: str, image: str, field: str) -> None:
+    """Check the board and the image of an emulated board.
+
+    Raises:
+        InvalidInput: there is no such board or image, or no emulator.
+    """
+    check_name(field, board, BOARDS)
+    BOARDS[board].command(Path(image))
+    if not Path(image).is_file():
+        raise InvalidInput(field, image, 'an image, built by `make` in the folder of the firmware')
+
+
+class EmulatedLine:
+    """A board in an emulator, a child process, with its serial line.
+
+    It ends when the line is closed, and when this process ends in any way.
+
+    Args:
+        board: name of the board, one of `BOARDS`.
+        image: path of the image.
+    """
+
+    def __init__(self, board: str, image: str) -> None:
+        self._socket, inner = socket.socketpair()
+        with inner:
+            self._process = subprocess.Popen(
+                [sys.executable, '-I', '-S', '-c', _LAUNCH, *BOARDS[board].command(Path(image))],
+                stdin=inner.fileno(), stdout=inner.fileno(),
+                start_new_session=True,  # Ctrl-C reaches only the host
+            )
+        self._socket.setblocking(False)
+
+    def fileno(self) -> int:
+        """Return the file descriptor, for `select`."""
+        return self._socket.fileno()
+
+    def write(self, data: bytes) -> None:
+        """Send bytes; what the line cannot take is lost. OSError if the board has ended."""
+        with contextlib.suppress(BlockingIOError):
+            self._socket.send(data)
+
+    def read(self) -> bytes:
+        """Return what has arrived, b'' for nothing. OSError if the board has ended."""
+        try:
+            data = self._socket.recv(_MOST)
+        except BlockingIOError:
+            return b''
+        if not data:
+            raise ConnectionResetError('the emulator has ended')
+        return data
+
+    def close(self) -> None:
+        """End the board."""
+        self._socket.close()
+        self._process.kill()
+        self._process.wait()
