@@ -50,19 +50,21 @@ class LocalCell:
 
     Args:
         cells: has one cell.
-
-    Attributes:
-        state: of the cell.
     """
 
     def __init__(self, cells: Cells) -> None:
-        self._cells, self.state = cells, cells.state
+        self._cells = cells
         self._result: CellStep | None = None
 
     def reset(self) -> None:
         """Reset the cell."""
         self._cells.reset()
         self._result = None
+
+    @property
+    def state(self) -> CellState:
+        """Return the state of the cell."""
+        return self._cells.state
 
     def begin_step(self, step: int, readings: np.ndarray, inbox: np.ndarray, now: float) -> None:
         """Step the cell."""
