@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 from support.limits import LIMIT
+from support.paths import ROOT
 
+from sim_node.registry import PLUGINS
 from sim_node.simulation import Simulation
 from snca_ros.controller_file import load_controller
 from snca_ros.faults import Faults, parse_faults
@@ -110,3 +112,13 @@ def test_faulty_graph_repeats_its_offline_episode(
     sent = recording.values if model == 'mlp' else recording.spikes
     np.testing.assert_array_equal(sent[:N_STEPS].ravel(), messages.ravel())
     assert not np.array_equal(offline(path, engine=engine)[0], centers)
+
+
+@pytest.mark.parametrize('model', ['snn-h', 'mlp'])
+def test_without_compiled_messages_too(start, make_controller, monkeypatch, model):
+    monkeypatch.setenv(PLUGINS, 'support.without_rcl')
+    path = make_controller('11-10', 'U-D', model)
+    child = start('walk', path, '--duration', 1, '--bag', 'bag', path=[ROOT / 'test'])
+    output, _ = child.communicate(timeout=LIMIT)
+    assert child.returncode == 0, output
+    assert '61 positions of the centre, bit for bit the same' in output
