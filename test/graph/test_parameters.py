@@ -13,6 +13,7 @@ from sim_node.errors import InvalidInput
 from sim_node.model.material import Material
 from sim_node.model.morphology import parse_morphology
 from sim_node.model.solver import Solver
+from sim_node.ros.declared_parameters import check_unknown_parameters
 from sim_node.ros.node_base import RosNode
 from sim_node.ros.parameters import simulation_of
 from snca_ros.cell.architecture import Architecture
@@ -51,7 +52,7 @@ def test_unknown_parameters_are_refused(ros, name):
     node = RosNode('any', parameter_overrides=[Parameter(name, value=1.0)])
     node.parameter('duration', 1.0, 'what it is')
     with pytest.raises(InvalidInput, match='parameter'):
-        node.check_unknown_parameters()
+        check_unknown_parameters(node)
     node.destroy_node()
 
 
@@ -75,7 +76,7 @@ def simulation(ros):
         ])
         try:
             found = simulation_of(node)
-            node.check_unknown_parameters()
+            check_unknown_parameters(node)
         finally:
             node.destroy_node()
         return found
