@@ -48,7 +48,7 @@ _TICKS = os.sysconf('SC_CLK_TCK')
 
 
 class Observer:
-    """A node that listens to one graph after another."""
+    """Listens to one graph after another, with the ROS node `node`."""
 
     def __init__(self) -> None:
         import rclpy
@@ -57,12 +57,12 @@ class Observer:
 
         self._rclpy = rclpy
         rclpy.init(args=[])
-        self._node = rclpy.create_node('benchmark', enable_rosout=False)
+        self.node = rclpy.create_node('benchmark', enable_rosout=False)
         self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self._node)
+        self._executor.add_node(self.node)
         self._steps: dict[str, tuple[float, int]] = {}
         self.health: dict[str, tuple[str, dict[str, str]]] = {}  # of each node: text, values
-        self._node.create_subscription(DiagnosticArray, '/diagnostics', self._note, 10)
+        self.node.create_subscription(DiagnosticArray, '/diagnostics', self._note, 10)
 
     def _note(self, message: Any) -> None:
         stamp = message.header.stamp
@@ -104,11 +104,11 @@ class Observer:
         qos = stream_qos()
         if not latched:
             qos.durability = DurabilityPolicy.VOLATILE
-        subscription = self._node.create_subscription(Odometry, f'/{robot}/odometry', note, qos)
+        subscription = self.node.create_subscription(Odometry, f'/{robot}/odometry', note, qos)
         try:
             yield seen
         finally:
-            self._node.destroy_subscription(subscription)
+            self.node.destroy_subscription(subscription)
 
     @contextmanager
     def newest_step(self, robot: str) -> Iterator[list[int]]:
@@ -122,20 +122,20 @@ class Observer:
         def note(message: Odometry) -> None:
             newest[0] = step_of_stamp(message.header.stamp.sec, message.header.stamp.nanosec)
 
-        subscription = self._node.create_subscription(
+        subscription = self.node.create_subscription(
             Odometry, f'/{robot}/odometry', note, stream_qos()
         )
         try:
             yield newest
         finally:
-            self._node.destroy_subscription(subscription)
+            self.node.destroy_subscription(subscription)
 
     def __enter__(self) -> 'Observer':
         return self
 
     def __exit__(self, *exc_info: object) -> None:
         self._executor.shutdown()
-        self._node.destroy_node()
+        self.node.destroy_node()
         self._rclpy.try_shutdown()
 
 

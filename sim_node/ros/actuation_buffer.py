@@ -48,10 +48,13 @@ class Answers:
         self.awaited[:] = True
 
     @property
+    def complete(self) -> bool:
+        """Return whether all voxels but the silent ones have answered to the present step."""
+        return not (self.missing if self.silent else self.awaited.any())
+
+    @property
     def missing(self) -> list[str]:
         """Return the voxels that have not answered to the present step, without the silent ones."""
-        if not self.awaited.any():
-            return []
         awaited = np.flatnonzero(self.awaited).tolist()
         return [self._voxels[i] for i in awaited if self._voxels[i] not in self.silent]
 
