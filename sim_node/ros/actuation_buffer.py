@@ -50,7 +50,7 @@ class Answers:
     @property
     def complete(self) -> bool:
         """Return whether all voxels but the silent ones have answered to the present step."""
-        return not (self.missing if self.silent else self.awaited.any())
+        return not (self.missing if self.silent else np.count_nonzero(self.awaited))
 
     @property
     def missing(self) -> list[str]:
@@ -98,7 +98,8 @@ class Answers:
         the step n steps before, and -1 if it is limp: no answer counts, and its actuation is 0.
         """
         limp = self._newest < 0
-        limp |= [voxel in self.silent for voxel in self._voxels]
+        if self.silent:
+            limp |= [voxel in self.silent for voxel in self._voxels]
         return np.where(limp, -1, step - self._newest)
 
     def mark_silent(self, now: float, limit: float) -> list[str]:
