@@ -42,7 +42,7 @@ class Usage:
     """What the threads of some processes have used since an earlier moment.
 
     Attributes:
-        cpu: CPU time by name of the thread [s]; `main` for the first thread of a process.
+        cpu: CPU time by name of the thread [s]: `main`, those of Fast DDS, and `others`.
         switches: context switches by name of the thread.
     """
 
@@ -53,10 +53,13 @@ class Usage:
             for thread in Path(f'/proc/{pid}/task').iterdir():
                 name, _, fields = (thread / 'stat').read_text().rpartition(') ')
                 times = fields.split()[11:13]
-                # Fast DDS ends names with ports and counts.
-                name = re.sub(r'[.\d]+$', '', name.partition('(')[2])
+                name = name.partition('(')[2]
                 if int(thread.name) == pid:
                     name = 'main'
+                elif name.startswith('dds.'):
+                    name = re.sub(r'[.\d]+$', '', name)  # without port or count
+                else:  # it has the name of its process
+                    name = 'others'
                 status = (thread / 'status').read_text()
                 self.cpu[name] += sum(map(int, times)) / _TICKS
                 self.switches[name] += sum(
@@ -100,7 +103,7 @@ def shares_of_libraries(pids: list[int], seconds: float) -> dict[str, float]:
             ['perf', 'report', '-i', data, '--sort', 'dso', '--stdio', '-q'],
             check=False, capture_output=True, text=True,
         ).stdout
-    found = re.findall(r'^\s*([\d.]+)%\s+(\S+)', report, re.MULTILINE)
+    found = re.findall(r'^\s*([\d.]+)%\s+(\S+?)(?:\.so|\.cpython|\.abi3|\s)', report, re.MULTILINE)
     return {name: float(percent) / 100 for percent, name in found}
 
 
