@@ -3,6 +3,7 @@
     python -m benchmarks.graph [--quick] [--json FILE]
 
 Robots with random cells are started as by `snca walk`, without recorder, in a separate ROS domain.
+Beside each graph that has a process for each voxel, its floor is measured, see `benchmarks.floor`.
 Rates come from the simulation's diagnostics, its count of steps at its own time; CPU time and
 memory come from /proc. Latency, from the `odometry` of a step to the next, is measured in a
 separate window, since a listener slows the graph down. The start is the time from the command
@@ -16,13 +17,14 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks import floor
 from benchmarks.command import run_part
 from sim_node.control_time import CONTROL_RATE, step_of_stamp
 from sim_node.model.morphology import parse_morphology
@@ -37,15 +39,16 @@ CASES = [  # shape, voxels per process
     ('biped', 5), ('comb', 6), ('worm-10x2', 10), ('worm-10x4', 10), ('worm-10x4', 20),
     ('worm-10x4', 40), ('worm-20x5', 50),
 ]
-QUICK = [('biped', 1), ('worm-10x2', 1), ('worm-10x4', 20)]
+QUICK = [('biped', 1), ('worm-10x2', 1), ('worm-10x4', 1), ('worm-10x4', 20)]
 
 _START_LIMIT = 120.0  # seconds
 _SETTLE = 60  # steps before anything is measured
+_FEW, _MANY = 10, 40  # voxels, between which the growth of the cost per message is measured
 _TICKS = os.sysconf('SC_CLK_TCK')
 
 
 class Observer:
-    """A node that listens to one graph after another."""
+    """Listens to one graph after another, with the ROS node `node`."""
 
     def __init__(self) -> None:
         import rclpy
@@ -54,12 +57,12 @@ class Observer:
 
         self._rclpy = rclpy
         rclpy.init(args=[])
-        self._node = rclpy.create_node('benchmark', enable_rosout=False)
+        self.node = rclpy.create_node('benchmark', enable_rosout=False)
         self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self._node)
+        self._executor.add_node(self.node)
         self._steps: dict[str, tuple[float, int]] = {}
         self.health: dict[str, tuple[str, dict[str, str]]] = {}  # of each node: text, values
-        self._node.create_subscription(DiagnosticArray, '/diagnostics', self._note, 10)
+        self.node.create_subscription(DiagnosticArray, '/diagnostics', self._note, 10)
 
     def _note(self, message: Any) -> None:
         stamp = message.header.stamp
@@ -101,11 +104,11 @@ class Observer:
         qos = stream_qos()
         if not latched:
             qos.durability = DurabilityPolicy.VOLATILE
-        subscription = self._node.create_subscription(Odometry, f'/{robot}/odometry', note, qos)
+        subscription = self.node.create_subscription(Odometry, f'/{robot}/odometry', note, qos)
         try:
             yield seen
         finally:
-            self._node.destroy_subscription(subscription)
+            self.node.destroy_subscription(subscription)
 
     @contextmanager
     def newest_step(self, robot: str) -> Iterator[list[int]]:
@@ -119,20 +122,20 @@ class Observer:
         def note(message: Odometry) -> None:
             newest[0] = step_of_stamp(message.header.stamp.sec, message.header.stamp.nanosec)
 
-        subscription = self._node.create_subscription(
+        subscription = self.node.create_subscription(
             Odometry, f'/{robot}/odometry', note, stream_qos()
         )
         try:
             yield newest
         finally:
-            self._node.destroy_subscription(subscription)
+            self.node.destroy_subscription(subscription)
 
     def __enter__(self) -> 'Observer':
         return self
 
     def __exit__(self, *exc_info: object) -> None:
         self._executor.shutdown()
-        self._node.destroy_node()
+        self.node.destroy_node()
         self._rclpy.try_shutdown()
 
 
@@ -191,6 +194,7 @@ def measure_case(path: Path, k: int, seconds: float) -> dict:
     rate = steps / (end - begin)
     return {
         'shape': path.stem, 'voxels': n, 'voxels_per_process': k, 'processes': len(graph.voxels),
+        'messages': floor.n_messages(trained.morphology),
         'real_time_factor': rate / CONTROL_RATE, 'steps_per_second': rate,
         'cpu_ms_per_step': {
             'all': cost[simulation] + voxels, 'simulation': cost[simulation],
@@ -233,10 +237,12 @@ def measure(quick: bool) -> dict:
     with tempfile.TemporaryDirectory() as folder, spawn.Pool(1, maxtasksperchild=1) as alone:
         biped = write_controller(Path(folder), 'biped')
         times = [alone.apply(measure_start, (biped, f'start_{i}')) for i in range(starts + 1)]
-        graphs = [
-            alone.apply(measure_case, (write_controller(Path(folder), shape), k, seconds))
-            for shape, k in (QUICK if quick else CASES)
-        ]
+        graphs = []
+        for shape, k in QUICK if quick else CASES:
+            path = write_controller(Path(folder), shape)
+            graphs.append(alone.apply(measure_case, (path, k, seconds)))
+            if k == 1:
+                graphs[-1]['floor'] = alone.apply(floor.measure_case, (shape,))
     return {
         'graphs': graphs, 'start': {'voxels': 10, 'seconds': times[1:]},
         'holds_60_hz': max((g['voxels'] for g in graphs if g['real_time_factor'] >= 1.0),
@@ -249,22 +255,35 @@ def measure(quick: bool) -> dict:
     }
 
 
+def growth(costs: Sequence[dict]) -> float:
+    """Return the CPU time per message of 40 voxels over that of 10, of graphs or of floors."""
+    few, many = (
+        next(c for c in costs if c['voxels'] == n)['cpu_ms_per_step']['all'] for n in (_FEW, _MANY)
+    )
+    messages = {c['voxels']: c['messages'] for c in costs}
+    return many / messages[_MANY] / (few / messages[_FEW])
+
+
 def table(results: dict) -> str:
     """Return the results of `measure` as text."""
     lines = [
-        'x real time  steps/s   CPU per step [ms]: all  simulation  voxels   each  '
+        'x real time  steps/s   CPU per step [ms]: all  of floor  simulation  voxels   each  '
         ' latency [ms] p50   p99   process [MB] RSS   PSS   voxels (per process)'
     ]
     for g in results['graphs']:
         cpu, latency, size = g['cpu_ms_per_step'], g['latency_ms'], g['process_mb']
+        ratio = f'{cpu["all"] / g["floor"]["cpu_ms_per_step"]["all"]:.1f}' if 'floor' in g else ''
         lines.append(
             f'{g["real_time_factor"]:11.2f}{g["steps_per_second"]:9.0f}{cpu["all"]:25.2f}'
-            f'{cpu["simulation"]:12.2f}{cpu["voxels"]:8.2f}{cpu["each_voxel"]:7.3f}'
+            f'{ratio:>10}{cpu["simulation"]:12.2f}{cpu["voxels"]:8.2f}{cpu["each_voxel"]:7.3f}'
             f'{latency["p50"]:19.1f}{latency["p99"]:6.1f}{size["rss"]:19.0f}{size["pss"]:6.0f}'
             f'   {g["voxels"]:3} ({g["voxels_per_process"]})'
         )
     start = results['start']['seconds']
+    alone = [g for g in results['graphs'] if 'floor' in g]
     lines += [
+        f'CPU per message, {_MANY} voxels over {_FEW}: {growth(alone):.2f}, of the floor '
+        f'{growth([g["floor"] for g in alone]):.2f}',
         f'60 Hz is held by {results["holds_60_hz"]} voxels, by '
         f'{results["holds_60_hz_each_alone"]} with a process for each',
         f'first step of {results["start"]["voxels"]} voxels after '

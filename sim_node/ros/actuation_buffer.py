@@ -48,10 +48,13 @@ class Answers:
         self.awaited[:] = True
 
     @property
+    def complete(self) -> bool:
+        """Return whether all voxels but the silent ones have answered to the present step."""
+        return not (self.missing if self.silent else np.count_nonzero(self.awaited))
+
+    @property
     def missing(self) -> list[str]:
         """Return the voxels that have not answered to the present step, without the silent ones."""
-        if not self.awaited.any():
-            return []
         awaited = np.flatnonzero(self.awaited).tolist()
         return [self._voxels[i] for i in awaited if self._voxels[i] not in self.silent]
 
@@ -95,7 +98,8 @@ class Answers:
         the step n steps before, and -1 if it is limp: no answer counts, and its actuation is 0.
         """
         limp = self._newest < 0
-        limp |= [voxel in self.silent for voxel in self._voxels]
+        if self.silent:
+            limp |= [voxel in self.silent for voxel in self._voxels]
         return np.where(limp, -1, step - self._newest)
 
     def mark_silent(self, now: float, limit: float) -> list[str]:

@@ -130,8 +130,8 @@ class SimNode(RosNode):
 
     def _advance_if_ready(self) -> None:
         """Make the next step in lock-step if all voxels but the silent ones have answered."""
-        waiting = self._free_running or self._answers.missing
-        if self.begun and not waiting and not self._halted:
+        ready = self._answers.complete and not self._free_running
+        if self.begun and ready and not self._halted:
             self._make_step()
 
     @property

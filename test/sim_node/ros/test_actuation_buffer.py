@@ -46,13 +46,16 @@ def test_actuation_is_held_until_the_voxel_counts_as_silent():
     answers = Answers(VOXELS, hold=True)
     answers.open_step()
     assert answers.take(0, 0, 0.5, step=0, now=0.0)
+    assert not answers.complete
     assert answers.take(1, 0, -1.0, step=0, now=0.0)
     assert answers.missing == []
+    assert answers.complete
     np.testing.assert_array_equal(answers.close_step(0), [0.5, -1.0])
     np.testing.assert_array_equal(answers.ages(0), [0, 0])
     answers.open_step()
     assert answers.take(0, 1, 0.25, step=1, now=0.2)
     assert answers.missing == ['voxel_1_0']
+    assert not answers.complete
     np.testing.assert_array_equal(answers.close_step(1), [0.25, -1.0])
     np.testing.assert_array_equal(answers.ages(1), [0, 1])
     answers.open_step()
@@ -77,7 +80,12 @@ def test_late_actuation_is_not_applied_in_lock_step():
     answers = Answers(VOXELS, hold=False)
     answers.open_step()
     assert not answers.take(0, 0, 0.5, step=1, now=0.0)
+    answers.silent.add('voxel_0_0')
+    assert answers.missing == ['voxel_1_0']
+    assert not answers.complete
     answers.silent.update(VOXELS)
+    assert answers.missing == []
+    assert answers.complete
     np.testing.assert_array_equal(answers.close_step(1), [0.0, 0.0])
     np.testing.assert_array_equal(answers.ages(1), [-1, -1])
     assert answers.silent == set(VOXELS)
