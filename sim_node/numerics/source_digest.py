@@ -38,7 +38,8 @@ _JIT = f'{__name__.rpartition(".")[0]}.jit'
 
 def _compiles(imports: set[str]) -> bool:
     """Return whether a module with these `_imports` has compiled functions."""
-    return any(name.startswith(f'{_JIT}.') and not name.endswith('.warm_up') for name in imports)
+    callers = {f'{_JIT}.{name}' for name in ('warm_up', 'entry_point')}
+    return any(name.startswith(f'{_JIT}.') and name not in callers for name in imports)
 
 
 _IMPORT = re.compile(rb'^ *from ([\w.]+) import (\([^)]*\)|.*)', re.MULTILINE)

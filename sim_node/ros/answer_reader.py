@@ -5,35 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from sim_node.errors import InvalidInput
-from sim_node.numerics.jit import compiled, entry_point, warm_up
+from sim_node.numerics.jit import entry_point, warm_up
 from sim_node.ros import rcl_functions, topics
 from sim_node.ros.actuation_buffer import Answers
-from sim_node.ros.endpoints import matches, numbers, set_episode, set_step, subscriptions
+from sim_node.ros.endpoints import read_number, set_episode, subscriptions
 from sim_node.ros.node_base import RosNode
 from sim_node.ros.sim_interface import ACTUATION
-
-
-@compiled
-def _read_expected(data, i, formats, step, actuation, awaited):
-    """Read the awaited answer of voxel i to `step`; return whether `data` is that.
-
-    Args:
-        data: bytes of a message.
-        i: index of the voxel.
-        formats: Endpoints of all voxels' actuation.
-        step: control step.
-        actuation: (n_voxels,), written.
-        awaited: (n_voxels,) bool, whose answers are awaited, written.
-    """
-    set_step(formats, i, step)
-    if not (awaited[i] and matches(formats, i, data)):
-        return False
-    a = numbers(formats, i)[0]
-    if not -1.0 <= a <= 1.0:
-        return False
-    actuation[i] = a
-    awaited[i] = False
-    return True
 
 
 class AnswerReader:
@@ -55,7 +32,7 @@ class AnswerReader:
                 [None] * len(voxels), self._wires, ['position'] * len(voxels)
             )
             self._compiled = warm_up('answers', lambda: entry_point(
-                _read_expected, b'', 0, self._formats, 0, answers.actuation, answers.awaited
+                read_number, b'', 0, self._formats, 0, answers.actuation, answers.awaited
             ))
 
     def begin_episode(self, episode: np.ndarray) -> None:

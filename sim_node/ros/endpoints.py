@@ -14,7 +14,7 @@ from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 
 from sim_node.control_time import CONTROL_RATE
-from sim_node.numerics.jit import compiled_inline
+from sim_node.numerics.jit import compiled, compiled_inline
 from sim_node.ros.cdr import STAMP, WireFormat
 from sim_node.ros.rcl_functions import (
     INFO_WORDS,
@@ -177,3 +177,35 @@ def take(endpoints, i):
 def publish(endpoints, i):
     """Publish template i."""
     rcl_publish(endpoints.handles[i], endpoints.messages[i].ctypes.data, 0)
+
+
+@compiled
+def read_number(data, i, endpoints, step, found, awaited):
+    """Read an awaited message of one number of a control step; return whether `data` is that.
+
+    Args:
+        data: bytes of a message.
+        i: index of the template.
+        endpoints: with one number in each template.
+        step: control step.
+        found: (n,) numbers from -1 to 1; found[i] is written.
+        awaited: (n,) bool; awaited[i] is set to false.
+    """
+    set_step(endpoints, i, step)
+    if not (awaited[i] and matches(endpoints, i, data)):
+        return False
+    number = numbers(endpoints, i)[0]
+    if not -1.0 <= number <= 1.0:
+        return False
+    found[i] = number
+    awaited[i] = False
+    return True
+
+
+@compiled
+def publish_numbers(endpoints, step, rows):
+    """Publish a message of each row of numbers, (n, n_numbers), stamped with a control step."""
+    for i in range(len(rows)):
+        set_step(endpoints, i, step)
+        numbers(endpoints, i)[:] = rows[i]
+        publish(endpoints, i)

@@ -10,21 +10,12 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
 from sim_node.control_time import CONTROL_RATE, MARKER_PERIOD, stamp_of_step
-from sim_node.numerics.jit import compiled, entry_point, warm_up
+from sim_node.numerics.jit import entry_point, warm_up
 from sim_node.ros import rcl_functions, topics
 from sim_node.ros.clock_topic import ClockTopic
-from sim_node.ros.endpoints import numbers, publish, publishers, set_episode, set_step
+from sim_node.ros.endpoints import publish_numbers, publishers, set_episode
 from sim_node.ros.sim_interface import ACTUATION, APPLIED, MARKERS, ODOMETRY, SENSORS
 from sim_node.simulation import Simulation
-
-
-@compiled
-def _publish_sensors(endpoints, step, readings):
-    """Publish each voxel's readings of a step, (n_voxels, n_sensors), to its endpoint."""
-    for i in range(len(readings)):
-        set_step(endpoints, i, step)
-        numbers(endpoints, i)[:] = readings[i]
-        publish(endpoints, i)
 
 
 class Broadcast:
@@ -60,7 +51,7 @@ class Broadcast:
             to_voxels, formats = zip(*self._sensors, strict=True)
             self._endpoints = publishers(to_voxels, formats, ['position'] * len(voxels))
             self._compiled = warm_up('sensors', lambda: entry_point(
-                _publish_sensors, self._endpoints, 0, np.zeros((1, 1))
+                publish_numbers, self._endpoints, 0, np.zeros((1, 1))
             ))
         self._episode = np.zeros(0, np.uint8)
 

@@ -174,8 +174,11 @@ def _check_parameters(trained: TrainedController, options: WalkOptions) -> None:
     """Check what the processes check when they start, so that none is started in vain."""
     parse_terrain(options.terrain or trained.terrain)
     check_engine(options.engine or DEFAULT_ENGINE, trained.solver)
-    run = {'duration': options.duration, 'real_time_factor': options.real_time_factor}
-    RunOptions(**{**run, **options.simulation})
+    run: dict[str, Any] = {
+        'duration': options.duration, 'real_time_factor': options.real_time_factor,
+        **options.simulation,
+    }
+    RunOptions(**{k: v for k, v in run.items() if k in RunOptions.__dataclass_fields__})
     n_sensors = len(trained.architecture.sensors)
     BodyFaults(trained.morphology, FaultsOfBody(**options.faults.of_body), n_sensors)
     CellFaults(options.faults, trained.morphology)

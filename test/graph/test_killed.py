@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from std_srvs.srv import Trigger
 from support.graph import call, go, offline
 from support.limits import LIMIT
@@ -54,7 +55,7 @@ def test_a_stopped_simulation_condemns_nobody(
         simulation.send_signal(signal.SIGCONT)
     newest = max(centers[0])
     spin_until(lambda: max(centers[0]) > newest + 10)
-    simulation.terminate()
+    simulation.send_signal(signal.SIGTERM)
     output, _ = simulation.communicate(timeout=60)
     assert simulation.returncode == 0
     assert 'no actuation' not in output
@@ -97,6 +98,13 @@ def test_a_kill_at_each_send_is_accounted_for(
                           simulation={'start_paused': True})
     graph = describe_graph(path, load_controller(path), options)
 
+    heard = []  # processes of the diagnostics of the voxels
+
+    def note(message):
+        heard.extend(status.hardware_id.rpartition(':')[2] for status in message.status)
+
+    node.create_subscription(DiagnosticArray, '/diagnostics', note, 100)
+
     def step():
         assert call(node, spin_until, Trigger, 'step').success
 
@@ -108,6 +116,8 @@ def test_a_kill_at_each_send_is_accounted_for(
             begin = max(centers[0])
             step()
             spin_until(lambda begin=begin: max(centers[0]) > begin)
+            pid = str(running.pids()[victim])  # of which the bag knows, too, after two messages
+            spin_until(lambda pid=pid: heard.count(pid) > 1)
             kill_at_send(running.pids()[victim], n)
             while running.exit_code(victim) is None:
                 step()

@@ -80,8 +80,9 @@ def test_the_commands_of_the_tutorial_work(tmp_path):
     assert log.count('bit for bit the same') >= 2  # whole and dead
     assert 'voxel_node voxel_2_0 ended with code -9: the walk continues without it' in log
     assert re.search(r'^whole .+\ndead .+\nkilled .+$', log, re.MULTILINE)
-    lost = {name: lost_actuation(tmp_path / f'{name}.json') for name in ('whole', 'dead', 'killed')}
-    assert lost['whole'] == lost['dead'] == 0 < lost['killed']
+    names = 'whole', 'dead', 'killed'
+    unsent = {name: unsent_actuation(tmp_path / f'{name}.json') for name in names}
+    assert unsent['whole'] == unsent['dead'] == 0 < unsent['killed']
     for name in ('tripod.gif', 'death.png', 'bags/whole/report.png'):
         assert (tmp_path / name).stat().st_size > 1000
 
@@ -90,5 +91,5 @@ def size_of(path: Path) -> int:
     return path.stat().st_size if path.exists() else 0
 
 
-def lost_actuation(path: Path) -> int:
-    return json.loads(path.read_text())['topics']['/tripod/voxel_2_0/actuation']['lost']
+def unsent_actuation(path: Path) -> int:
+    return json.loads(path.read_text())['topics']['/tripod/voxel_2_0/actuation']['never_sent']

@@ -139,4 +139,4 @@ def test_real_time_walk_continues_without_a_killed_voxel(start, make_controller,
     assert 'voxel_node voxel_0_1 ended with code -9: the walk continues without it' in output
     assert 'missed deadlines' in output
     assert 'voxel_0_1/spikes at voxel_0_0: ' in output
-    assert 'lost on /robot_11_10/voxel_0_1/actuation' in output
+    assert 'never sent on /robot_11_10/voxel_0_1/actuation' in output

@@ -98,7 +98,7 @@ def test_every_run_has_its_row_history_and_controller(file, whole):
 def test_every_setting_of_a_run_has_a_column():
     settings = {f.name for of in (RunConfig, Architecture, Solver) for f in fields(of)}
     # uniform and directional are the architecture's name; campaigns refuse the others.
-    others = {'material', 'task', 'sensors'}
+    others = {'material', 'task', 'sensors', 'arithmetic'}
     assert settings - {*COLUMNS} == {'uniform', 'directional', 'solver', *others}
 
 
