@@ -13,6 +13,7 @@ from support.firmware import (
     source_of,
     write,
 )
+from support.limits import LIMIT
 from support.processes import is_alive, nodes_of, offspring, stat_of, wait_until
 
 from snca_ros.controller_file import load_controller
@@ -43,7 +44,7 @@ def test_walk_on_devices_equals_its_offline_twin(
             'walk', path, '--duration', 1.5, '--bag', 'bag', '--arithmetic', arithmetic,
             '--devices', f'emulated:{boards}', '--device', f'voxel_1_1=unix:{own}',
         )
-        output, _ = child.communicate(timeout=200)
+        output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode == 0, output
     assert '91 positions of the centre, bit for bit the same' in output
     assert 'Traceback' not in output
@@ -59,7 +60,7 @@ def test_a_killed_board_is_started_again_and_none_is_left(start, make_controller
     wait_until(lambda: len(set(boards_of(child.pid)) - {killed}) == 3)
     processes = offspring(child.pid) | boards_of(child.pid)
     os.kill(child.pid, signal.SIGKILL)
-    child.communicate(timeout=60)
+    child.communicate(timeout=LIMIT)
     wait_until(lambda: not any(is_alive(*process) for process in processes.items()))
     assert stat_of(killed) is None
 
@@ -70,7 +71,7 @@ def test_other_firmware_is_refused_in_one_line(start, make_controller, tmp_path)
     path = make_controller('11-10')
     child = start('walk', path, '--duration', 30, '--no-bag',
                   '--device', f'voxel_1_1=emulated:posix:{image}')
-    output, _ = child.communicate(timeout=120)
+    output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode == 1
     expected = source_of(load_controller(path), 0).identity.hash.hex()
     (line,) = [line for line in output.splitlines() if 'error' in line]

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from support.limits import LIMIT
 
 from sim_node.model.morphology import OPPOSITE, parse_morphology
 from snca_ros.cell.architecture import Architecture
@@ -26,7 +27,6 @@ from snca_ros.recording.offline import record_episode
 CROSS = 'arm-none-eabi-gcc'
 EMULATED = tuple(name for name, board in BOARDS.items() if board.machine)
 SESSION = 7
-LIMIT = 120.0  # s; only a hang reaches it
 
 VARIANTS = (  # neuron model, as printed, arithmetic
     *(('snn-h', False, arithmetic) for arithmetic in ('double', 'float32', 'int16', 'int8')),

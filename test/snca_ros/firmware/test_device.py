@@ -19,6 +19,7 @@ from support.firmware import (
     untrained,
     write,
 )
+from support.limits import LIMIT
 from support.paths import ROOT
 from support.processes import offspring, stat_of, wait_until_gone
 
@@ -29,7 +30,6 @@ from snca_ros.firmware.device import REPEAT_AFTER, DeviceCell, DeviceCounts
 from snca_ros.firmware.lines import parse_address
 from snca_ros.firmware.protocol import CellCodec, FrameReader, SessionAnswer, frame
 
-LIMIT = 60.0  # s; only a hang reaches it
 TRAINED = untrained('U-nD', 'snn-h', arithmetic='int16')
 INPUTS = random_inputs(TRAINED.architecture, 60)
 
