@@ -109,6 +109,8 @@ def measure_walk(name: str, duration: float) -> dict:
         'controller': name, 'v_x': velocity, 'spikes': operations.spikes,
         'additions': operations.additions, 'updates': operations.updates, 'macs': operations.macs,
     }
+    if velocity <= 0.0:  # no energy per metre
+        return found
     for kind, integer in (('float', False), ('integer', True))[: 1 + operations.spiking]:
         synapses, neurons = operations.synapse_energy(integer), operations.neuron_energy(integer)
         found[f'synapses {kind}'] = per_metre(synapses, n_voxels, velocity)

@@ -7,6 +7,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -102,19 +103,20 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     security.check_middleware()
     path = find_controller(args.controller)
     trained = load_controller(path).in_arithmetic(args.arithmetic)
-    with tempfile.TemporaryDirectory(prefix='snca_ros_') as place:
-        devices = _devices(args, trained, Path(place, 'firmware'), path.stem)
-        return _run(args, path, trained, devices)
+    with ExitStack() as stack:
+        return _run(args, path, trained, _devices(args, trained, path.stem, stack))
 
 
 def _devices(
-    args: argparse.Namespace, trained: TrainedController, folder: Path, name: str
+    args: argparse.Namespace, trained: TrainedController, name: str, stack: ExitStack
 ) -> dict[str, str]:
-    """Return the addresses of the voxels' devices; build firmware into `folder` if need be."""
+    """Return the addresses of the voxels' devices; build firmware that `stack` removes."""
     given = parse_devices(args.device, trained.morphology)
     if not args.devices:
         return given
-    return {**build_devices(trained, parse_boards(args.devices), folder, name), **given}
+    boards = parse_boards(args.devices)
+    place = stack.enter_context(tempfile.TemporaryDirectory(prefix='snca_ros_'))
+    return {**build_devices(trained, boards, Path(place, 'firmware'), name), **given}
 
 
 def _run(

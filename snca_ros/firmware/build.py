@@ -39,7 +39,8 @@ def parse_devices(texts: Iterable[str], morphology: Morphology) -> dict[str, str
         morphology: of the robot.
 
     Raises:
-        InvalidInput: a text has another form, there is no such voxel, or two have one voxel.
+        InvalidInput: a text has another form, there is no such voxel, or two have one voxel or
+            one device.
     """
     found: dict[str, str] = {}
     for text in texts:
@@ -47,7 +48,10 @@ def parse_devices(texts: Iterable[str], morphology: Morphology) -> dict[str, str
         if not equals or voxel in found:
             raise InvalidInput('device', text, f'VOXEL=ADDRESS, one per voxel, with {EXPECTED}')
         morphology.index_of(voxel)
-        found[voxel] = str(parse_address(address))
+        parsed = parse_address(address)
+        if parsed.kind != EMULATED and str(parsed) in found.values():
+            raise InvalidInput('device', text, 'another device than that of another voxel')
+        found[voxel] = str(parsed)
     return found
 
 

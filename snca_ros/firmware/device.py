@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from snca_ros.cell.architecture import Architecture
+from snca_ros.files import reason_of
 from snca_ros.firmware.identity import Identity
 from snca_ros.firmware.lines import Address, Line, wait_for
 from snca_ros.firmware.protocol import (
@@ -25,6 +26,8 @@ from snca_ros.firmware.protocol import (
 REPEAT_AFTER = 0.05
 """Time after which a request without an answer is repeated, or three times its frames [s]."""
 
+_SILENT_AFTER = 2.0  # time without an answer after which the device is in trouble [s]
+
 _N_SESSIONS = 65535
 
 
@@ -36,7 +39,7 @@ class DeviceCounts:
         repeats: requests that were repeated.
         damaged: answers that were damaged.
         restarts: times that the device had been restarted, or another host had used it.
-        losses: times that the line was gone.
+        losses: times that the line was gone after it had worked.
     """
 
     repeats: int = 0
@@ -59,17 +62,19 @@ class DeviceCell:
     Attributes:
         counts: of what happened on the line.
         tick_rate: ticks of the device's clock per second; 0 before its hello.
+        trouble: why the device does not answer; '' as long as it does.
     """
 
     def __init__(self, address: Address, architecture: Architecture, identity: Identity) -> None:
         self._address, self._identity = address, identity
         self._codec = CellCodec(architecture)
-        self.counts, self.tick_rate = DeviceCounts(), 0
+        self.counts, self.tick_rate, self.trouble = DeviceCounts(), 0, ''
         self._line: Line | None = None
         self._session = 0  # 0: hello first
         self._fresh = False  # whether the device has begun the session
         self._step: tuple[int, np.ndarray, np.ndarray] | None = None
         self._request, self._sent_at, self._repeat_after = b'', 0.0, REPEAT_AFTER
+        self._asked_at = 0.0  # time at which the request was first sent [s]
         self._tried_at = -REPEAT_AFTER  # time of the last attempt to open the line [s]
 
     @property
@@ -114,9 +119,10 @@ class DeviceCell:
             InvalidInput: the device runs other firmware.
         """
         try:
-            if self._line is None:
+            if self._line is None and now - self._tried_at >= REPEAT_AFTER:
                 self._connect(now)
-            assert self._line is not None
+            if self._line is None:
+                return None
             damaged = self._reader.damaged
             payloads = self._reader.feed(self._line.read())
             self.counts.damaged += self._reader.damaged - damaged
@@ -125,9 +131,11 @@ class DeviceCell:
                     return answer
             if self._request and now - self._sent_at >= self._repeat_after:
                 self.counts.repeats += 1
+                if now - self._asked_at >= _SILENT_AFTER:
+                    self.trouble = self.trouble or f'{self._address}: no answer'
                 self._send(self._request, now)
-        except OSError:
-            self._lose_line(now)
+        except OSError as error:
+            self._lose_line(error, now)
         return None
 
     def wait_for_answer(self, patience: float) -> StepAnswer | None:
@@ -153,22 +161,20 @@ class DeviceCell:
             self._line = None
 
     def _connect(self, now: float) -> None:
-        """Open the line and say hello, unless the last attempt was a moment ago."""
-        if now - self._tried_at < REPEAT_AFTER:
-            raise ConnectionError
+        """Open the line and say hello."""
         self._tried_at = now
         self._line, self._reader = self._address.open(), FrameReader()
-        self._session = 0
         self._next_request(now)
 
-    def _lose_line(self, now: float) -> None:
-        if self._line is not None:
-            self.counts.losses += 1
-            self._tried_at = now
+    def _lose_line(self, error: OSError, now: float) -> None:
+        self.trouble = f'{self._address}: {reason_of(error)}'
+        self.counts.losses += self.ready
+        self._session, self._tried_at = 0, now
         self.close()
 
     def _next_request(self, now: float) -> None:
         """Send what has to come next: hello, reset or the step; nothing if no step waits."""
+        self._asked_at = now
         if self._session == 0:
             self._send(HELLO, now)
         elif self._step is not None:
@@ -187,12 +193,14 @@ class DeviceCell:
         self._repeat_after = max(REPEAT_AFTER, 3.0 * self._address.duration(2 * len(framed)))
         try:
             self._line.write(framed)
-        except OSError:
-            self._lose_line(now)
+        except OSError as error:
+            self._lose_line(error, now)
 
     def _take(self, payload: bytes, now: float) -> StepAnswer | None:
         """Act on a payload that has arrived; return the answer to the step that waits."""
         answer = self._codec.decode(payload)
+        if answer is not None:
+            self.trouble = ''
         if isinstance(answer, Hello) and self._session == 0:
             check_hello(answer, self._identity, str(self._address))
             self.tick_rate, self._fresh = answer.tick_rate, False

@@ -1,6 +1,7 @@
 """The line to an emulated board, which runs as long as the line is open."""
 
 import contextlib
+import os
 import socket
 import subprocess
 import sys
@@ -11,12 +12,14 @@ from snca_ros.firmware.boards import BOARDS
 
 _MOST = 65536  # bytes read at once
 
-# Lets the kernel kill the process when its parent ends (PR_SET_PDEATHSIG), and becomes the board.
+# Lets the kernel kill the process when its parent ends (PR_SET_PDEATHSIG), and becomes the board,
+# unless the parent has ended before that.
 _LAUNCH = """
 import ctypes, os, signal, sys
 ctypes.CDLL(None).prctl(1, signal.SIGKILL)
-os.execvp(sys.argv[1], sys.argv[1:])
+os.getppid() == int(sys.argv[1]) and os.execvp(sys.argv[2], sys.argv[2:])
 """
+_ARM = b'\x28\0'  # the kind of processor, bytes 18 and 19 of an image in ELF
 
 
 def check_image(board: str, image: str, field: str) -> None:
@@ -27,8 +30,14 @@ def check_image(board: str, image: str, field: str) -> None:
     """
     check_name(field, board, BOARDS)
     BOARDS[board].command(Path(image))
-    if not Path(image).is_file():
-        raise InvalidInput(field, image, 'an image, built by `make` in the folder of the firmware')
+    try:
+        with open(image, 'rb') as file:
+            is_arm = file.read(20)[18:] == _ARM
+    except OSError:
+        expected = 'an image, built by `make` in the folder of the firmware'
+        raise InvalidInput(field, image, expected) from None
+    if is_arm != bool(BOARDS[board].machine):
+        raise InvalidInput(field, image, f'an image for {board}, built by `make BOARD={board}`')
 
 
 class EmulatedLine:
@@ -45,7 +54,8 @@ class EmulatedLine:
         self._socket, inner = socket.socketpair()
         with inner:
             self._process = subprocess.Popen(
-                [sys.executable, '-I', '-S', '-c', _LAUNCH, *BOARDS[board].command(Path(image))],
+                [sys.executable, '-I', '-S', '-c', _LAUNCH, str(os.getpid()),
+                 *BOARDS[board].command(Path(image).absolute())],
                 stdin=inner.fileno(), stdout=inner.fileno(),
                 start_new_session=True,  # Ctrl-C reaches only the host
             )

@@ -41,6 +41,9 @@ class OwnCell(Protocol):
     def counts(self) -> dict[str, int]:
         """Return counts of what happened, for the diagnostics."""
 
+    def trouble(self) -> str:
+        """Return why a device does not answer; '' as long as it does."""
+
     def close(self) -> None:
         """Release what the cell uses."""
 
@@ -80,6 +83,10 @@ class LocalCell:
         """Return nothing: nothing can happen."""
         return {}
 
+    def trouble(self) -> str:
+        """Return nothing: there is no device."""
+        return ''
+
     def close(self) -> None:
         """Do nothing."""
 
@@ -103,6 +110,10 @@ class RemoteCell:
     def counts(self) -> dict[str, int]:
         """Return what happened on the line."""
         return {f'device {name}': n for name, n in asdict(self._device.counts).items()}
+
+    def trouble(self) -> str:
+        """Return why the device does not answer; '' as long as it does."""
+        return self._device.trouble
 
 
 class FaultyCell:
@@ -169,6 +180,10 @@ class FaultyCell:
     def counts(self) -> dict[str, int]:
         """Return counts of what happened on the line to a device, by name."""
         return self._cell.counts()
+
+    def trouble(self) -> str:
+        """Return why a device does not answer; '' as long as it does."""
+        return self._cell.trouble()
 
     def close(self) -> None:
         """Close the line to a device."""

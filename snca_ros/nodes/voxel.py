@@ -74,7 +74,7 @@ class VoxelNode(RosNode):
         self._poll_timer.cancel()
         # While no step is made, a flood of messages would push needed ones out of the mailboxes.
         self.create_timer(_SWEEP_PERIOD, self._sweep)
-        self._swept_step = -1
+        self._swept_step, self._trouble = -1, ''
 
     def _create_topics(self) -> None:
         qos, queue = topics.stream_qos(), topics.stream_qos(topics.QUEUE)
@@ -155,6 +155,9 @@ class VoxelNode(RosNode):
             self._end_usual_steps()
             self._take_messages()
         self._swept_step = self._core.step
+        if (trouble := self._core.cell.trouble()) and trouble != self._trouble:
+            self.get_logger().warning(f'the device does not answer: {trouble}')
+        self._trouble = trouble
         if self._core.unanswered:
             return
         try:

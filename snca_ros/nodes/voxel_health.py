@@ -25,7 +25,9 @@ def describe_voxel(core: VoxelCore, neighbors: Mapping[int, str], now: float) ->
     if not core.unanswered:
         return False, f'step {core.step}, sensors received {now - core.since:.1f} s ago'
     if core.cell.busy:
-        return False, f'step {core.step} waits for its device'
+        trouble = core.cell.trouble()
+        reason = f', which does not answer: {trouble}' if trouble else ''
+        return bool(trouble), f'step {core.step} waits for its device{reason}'
     if not core.awaited:
         return False, f'step {core.step}'
     return False, f'step {core.step} waits for {names(core.awaited)}'

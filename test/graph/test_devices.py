@@ -2,14 +2,21 @@
 
 import os
 import signal
-import subprocess
 
 import pytest
-from support.firmware import EMULATED, build, needs_boards, needs_gcc, source_of, write
+from support.firmware import (
+    EMULATED,
+    build,
+    needs_boards,
+    needs_gcc,
+    noisy_device,
+    source_of,
+    write,
+)
+from support.limits import LIMIT
 from support.processes import is_alive, nodes_of, offspring, stat_of, wait_until
 
 from snca_ros.controller_file import load_controller
-from snca_ros.firmware.boards import BOARDS
 
 pytestmark = needs_gcc
 
@@ -27,20 +34,17 @@ def boards_of(pid):
 def test_walk_on_devices_equals_its_offline_twin(
     start, make_controller, tmp_path, shape, name, model, arithmetic, boards
 ):
-    """One of the voxels is on a device of its own, which the walk does not start."""
+    """One voxel is on a device that the walk does not start, behind a noisy line."""
     path = make_controller(shape, name, model)
     trained = load_controller(path).in_arithmetic(arithmetic)
     folder, own = write(trained, tmp_path / 'firmware'), tmp_path / 'line'
     image = build(folder, 'cell' if trained.architecture.uniform else 'voxel_1_1')
-    with subprocess.Popen(BOARDS['posix'].command(image, f'unix:{own}')) as device:
-        try:
-            child = start(
-                'walk', path, '--duration', 1.5, '--bag', 'bag', '--arithmetic', arithmetic,
-                '--devices', f'emulated:{boards}', '--device', f'voxel_1_1=unix:{own}',
-            )
-            output, _ = child.communicate(timeout=200)
-        finally:
-            device.kill()
+    with noisy_device(image, own):
+        child = start(
+            'walk', path, '--duration', 1.5, '--bag', 'bag', '--arithmetic', arithmetic,
+            '--devices', f'emulated:{boards}', '--device', f'voxel_1_1=unix:{own}',
+        )
+        output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode == 0, output
     assert '91 positions of the centre, bit for bit the same' in output
     assert 'Traceback' not in output
@@ -56,7 +60,7 @@ def test_a_killed_board_is_started_again_and_none_is_left(start, make_controller
     wait_until(lambda: len(set(boards_of(child.pid)) - {killed}) == 3)
     processes = offspring(child.pid) | boards_of(child.pid)
     os.kill(child.pid, signal.SIGKILL)
-    child.communicate(timeout=60)
+    child.communicate(timeout=LIMIT)
     wait_until(lambda: not any(is_alive(*process) for process in processes.items()))
     assert stat_of(killed) is None
 
@@ -67,7 +71,7 @@ def test_other_firmware_is_refused_in_one_line(start, make_controller, tmp_path)
     path = make_controller('11-10')
     child = start('walk', path, '--duration', 30, '--no-bag',
                   '--device', f'voxel_1_1=emulated:posix:{image}')
-    output, _ = child.communicate(timeout=120)
+    output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode == 1
     expected = source_of(load_controller(path), 0).identity.hash.hex()
     (line,) = [line for line in output.splitlines() if 'error' in line]

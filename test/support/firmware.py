@@ -1,13 +1,19 @@
 """Builds firmware and runs it on requests, in a process or in an emulated board."""
 
+import contextlib
+import select
 import shutil
+import socket
 import subprocess
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
+from support.limits import LIMIT
 
 from sim_node.model.morphology import OPPOSITE, parse_morphology
 from snca_ros.cell.architecture import Architecture
@@ -21,7 +27,6 @@ from snca_ros.recording.offline import record_episode
 CROSS = 'arm-none-eabi-gcc'
 EMULATED = tuple(name for name, board in BOARDS.items() if board.machine)
 SESSION = 7
-LIMIT = 120.0  # s; only a hang reaches it
 
 VARIANTS = (  # neuron model, as printed, arithmetic
     *(('snn-h', False, arithmetic) for arithmetic in ('double', 'float32', 'int16', 'int8')),
@@ -132,6 +137,50 @@ def _feed(process: subprocess.Popen, frames: bytes) -> None:
         process.stdin.flush()
     except BrokenPipeError:
         pass
+
+
+def damaged(data: bytes, chance: np.random.Generator) -> bytes:
+    """Return a fifth of all data with a byte flipped, lost or added."""
+    if not data or chance.random() >= 0.2:
+        return data
+    at = chance.integers(len(data))
+    other = bytes([data[at] ^ chance.integers(1, 256)])
+    kind = chance.integers(3)
+    return data[:at] + (b'' if kind == 0 else other) + data[at + (kind < 2) :]
+
+
+@contextmanager
+def noisy_device(image: Path, path: Path, seed: int = 5) -> Iterator[None]:
+    """Run an image as a process behind a noisy line, the socket at `path`."""
+    chance = np.random.default_rng(seed)
+    device, inner = socket.socketpair()
+    with device, socket.socket(socket.AF_UNIX) as listening, subprocess.Popen(
+        BOARDS['posix'].command(image), stdin=inner, stdout=inner
+    ) as process:
+        inner.close()
+        listening.bind(str(path))
+        listening.listen()
+        relay = threading.Thread(target=_relay, args=(listening, device, chance))
+        relay.start()
+        try:
+            yield
+        finally:
+            process.kill()
+            listening.shutdown(socket.SHUT_RDWR)
+            relay.join()
+
+
+def _relay(listening: socket.socket, device: socket.socket, chance: np.random.Generator) -> None:
+    """Carry damaged data between a host and a device until one of them ends."""
+    with contextlib.suppress(OSError):
+        host, _ = listening.accept()
+        with host:
+            others = {host: device, device: host}
+            while True:
+                for one in select.select([*others], [], [])[0]:
+                    if not (data := one.recv(65536)):
+                        return
+                    others[one].sendall(damaged(data, chance))
 
 
 def assert_equal_to_cell(

@@ -106,8 +106,8 @@ static void say_hello(void)
 /* Make control step k and keep the answer, unless a reading is out of range. */
 static void step(uint32_t k, const uint8_t *request)
 {
-    struct inputs in;
-    struct outputs out;
+    static struct inputs in; /* static, so that the stack is small whatever the sizes */
+    static struct outputs out;
     copy(in.readings, request + HEAD, sizeof in.readings);
     copy(in.received, request + HEAD + sizeof in.readings, sizeof in.received);
     for (unsigned s = 0; s < N_SENSORS; s++)

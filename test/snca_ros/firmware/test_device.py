@@ -12,12 +12,14 @@ import numpy as np
 import pytest
 from support.firmware import (
     build,
+    damaged,
     needs_gcc,
     random_inputs,
     source_of,
     untrained,
     write,
 )
+from support.limits import LIMIT
 from support.paths import ROOT
 from support.processes import offspring, stat_of, wait_until_gone
 
@@ -28,7 +30,6 @@ from snca_ros.firmware.device import REPEAT_AFTER, DeviceCell, DeviceCounts
 from snca_ros.firmware.lines import parse_address
 from snca_ros.firmware.protocol import CellCodec, FrameReader, SessionAnswer, frame
 
-LIMIT = 60.0  # s; only a hang reaches it
 TRAINED = untrained('U-nD', 'snn-h', arithmetic='int16')
 INPUTS = random_inputs(TRAINED.architecture, 60)
 
@@ -125,19 +126,11 @@ class NoisyLine:
         self._line, self._chance = line, chance
         self.fileno, self.close = line.fileno, line.close
 
-    def _damaged(self, data):
-        if not data or self._chance.random() >= 0.2:
-            return data
-        at = self._chance.integers(len(data))
-        other = bytes([data[at] ^ self._chance.integers(1, 256)])
-        kind = self._chance.integers(3)
-        return data[:at] + (b'' if kind == 0 else other) + data[at + (kind < 2) :]
-
     def write(self, data):
-        self._line.write(self._damaged(data))
+        self._line.write(damaged(data, self._chance))
 
     def read(self):
-        return self._damaged(self._line.read())
+        return damaged(self._line.read(), self._chance)
 
 
 @needs_gcc
@@ -179,6 +172,30 @@ def test_a_killed_device_starts_afresh(image, tmp_path):
             assert answer.actuation == cells.step_cell(0, readings, inbox, k)
             check_steps(device, range(21, 40), cells)
         assert device.counts.losses == 1
+
+
+def test_a_device_that_is_not_there_is_told_and_tried_again():
+    """The line may also be gone at the first write, as that of an adapter being unplugged."""
+    class Gone:
+        def write(self, data):
+            raise BrokenPipeError(32, 'Broken pipe')
+
+        def close(self):
+            pass
+
+    address, source = parse_address('unix:/tmp/none'), source_of(TRAINED, 0)
+
+    class GoneAddress(type(address)):
+        def open(self):
+            return Gone()
+
+    for where, reason in ((address, 'No such file or directory'),
+                          (GoneAddress('unix', 'gone'), 'Broken pipe')):
+        device = DeviceCell(where, source.architecture, source.identity)
+        for now in (1.0, 1.01, 2.0):
+            assert device.poll(now) is None
+            assert device.trouble == f'{where}: {reason}'
+        assert device.counts == DeviceCounts()
 
 
 @needs_gcc
@@ -293,17 +310,21 @@ def test_repeats_wait_and_late_answers_are_not_taken_for_others(bad_line):
     asked = line.request()
     assert asked == codec.step(1, *step)
     size = 7 + 2 + 2 * 4 + 4
+    device.poll(11.02 + 2.1)
+    assert device.trouble.endswith(': no answer')
+    assert line.request() == asked
     for wrong in (b's\2\0' + asked[3:7], b's' + asked[1:3] + b'\7\0\0\0'):
         line.answer(wrong.ljust(size, b'\0'))
         assert device.poll(11.03) is None
     line.answer((b's' + asked[1:7]).ljust(size, b'\0'))
     answer = device.poll(11.04)
     assert (answer.step, answer.actuation) == (step[0], 0.0)
+    assert device.trouble == ''
     line.answer((b's' + asked[1:7]).ljust(size, b'\0'))
     assert device.poll(11.05) is None
     assert not device.waiting
     device.poll(20.0)
-    assert device.counts == DeviceCounts(repeats=1)
+    assert device.counts == DeviceCounts(repeats=2)
 
 
 def test_a_device_that_lost_its_session_is_asked_who_it_is(bad_line):
@@ -344,6 +365,13 @@ def test_other_addresses_are_refused(text, expected):
         parse_address(text)
     with pytest.raises(InvalidInput, match='one of posix, microbit'):
         parse_address(f'emulated:arduino:{__file__}')
+
+
+def test_an_image_for_another_processor_is_refused(tmp_path):
+    image = tmp_path / 'cell.elf'
+    image.write_bytes(b'\x7fELF'.ljust(18, b'\0') + b'\x28\0')
+    with pytest.raises(InvalidInput, match='an image for posix, built by `make BOARD=posix`'):
+        parse_address(f'emulated:posix:{image}')
 
 
 def test_slow_lines_have_longer_limits():

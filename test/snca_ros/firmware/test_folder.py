@@ -43,6 +43,9 @@ def test_command_writes_a_folder_that_make_builds(tmp_path, capsys):
     assert f'make -C {out}' in err
     subprocess.run(['make', '-C', out], check=True, capture_output=True)
     assert [path.name for path in (out / 'build/posix').iterdir()] == ['cell.elf']
+    other = subprocess.run(['make', '-C', out, 'BOARD=arduino'], check=False, capture_output=True)
+    assert other.returncode != 0
+    assert b'no board arduino' in other.stderr
 
 
 def test_an_empty_folder_is_filled_and_another_is_left_alone(tmp_path, capsys):

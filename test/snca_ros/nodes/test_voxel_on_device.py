@@ -121,6 +121,7 @@ def test_devices_of_a_walk_are_read():
     (['udp:10.0.0.7:5000'], 'expected VOXEL=ADDRESS'),
     (['voxel_5_5=unix:/tmp/a'], 'voxel_5_5'),
     (['voxel_0_0=unix:/tmp/a', 'voxel_0_0=unix:/tmp/b'], 'one per voxel'),
+    (['voxel_0_0=unix:/tmp/a', 'voxel_1_0=unix:/tmp/a'], 'another device than that of another'),
     (['voxel_0_0=tty'], 'expected serial:PATH@BAUD'),
 ])
 def test_other_devices_are_refused(given, message):
