@@ -171,17 +171,17 @@ def check_writable(field: str, path: Path) -> None:
     """
     if _descriptor_of(path) is not None:
         return
-    reason = 'Is a directory' if path.is_dir() else ''
     try:
         old = _status_of(path)
+        if old is not None and stat.S_ISDIR(old.st_mode):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         if old is not None:
             _check_access(path)
-        if not reason and (old is None or stat.S_ISREG(old.st_mode)):
+        if old is None or stat.S_ISREG(old.st_mode):
             tempfile.TemporaryFile(dir=os.path.dirname(os.path.realpath(path))).close()
     except OSError as error:
-        reason = reason or reason_of(error)
-    if reason:
-        raise InvalidInput(field, reason, 'a file that can be written', str(path))
+        expected = 'a file that can be written'
+        raise InvalidInput(field, reason_of(error), expected, str(path)) from None
 
 
 def reason_of(error: Exception) -> str:
@@ -246,13 +246,13 @@ def check_new_bag(folder: Path, storage: str) -> None:
         InvalidInput: the folder exists or cannot be created, the storage cannot write to such a
             path, or less than `RESERVE` is free.
     """
-    if folder.exists():
-        raise InvalidInput('bag', str(folder), 'a folder that does not exist yet')
     if storage == 'sqlite3' and NOT_IN_SQLITE.intersection(str(folder.absolute())):
         expected = f'a path without {" ".join(sorted(NOT_IN_SQLITE))}, or the storage mcap'
         raise InvalidInput('bag', str(folder), expected)
-    parent = next(parent for parent in folder.absolute().parents if parent.exists())
     try:
+        if _status_of(folder) is not None:
+            raise InvalidInput('bag', str(folder), 'a folder that does not exist yet')
+        parent = next(parent for parent in folder.absolute().parents if parent.exists())
         tempfile.TemporaryDirectory(dir=parent, prefix='.snca_ros_').cleanup()
     except OSError as error:
         expected = f'a folder that can be written ({error.strerror})'

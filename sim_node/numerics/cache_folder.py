@@ -97,9 +97,9 @@ def _check_writable(path: Path) -> None:
 def _check_mine(path: Path) -> None:
     """Raise OSError if another user could have written code into a folder in a shared place."""
     status = path.lstat()
-    path.chmod(0o700)
     if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid():
         raise PermissionError(1, 'it belongs to another user')
+    path.chmod(0o700)
 
 
 def _touch(path: Path) -> None:

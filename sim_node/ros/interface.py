@@ -94,8 +94,8 @@ def node_help(node: NodeInterface) -> str:
     for group in node.parameters:
         for name, f in group.fields.items():
             default = f' (default {shown(f.default)})' if f.default != '' else ''
-            text = textwrap.wrap(describe(f) + default, 66)
-            lines += [f'  {name:22}{text[0]}', *(f'{"":24}{more}' for more in text[1:])]
+            text = textwrap.wrap(describe(f) + default, 65)
+            lines += [f'  {name:22} {text[0]}', *(f'{"":25}{more}' for more in text[1:])]
     return '\n'.join([*lines, '', 'docs/graph.md lists topics and services.'])
 
 

@@ -111,9 +111,12 @@ def wall_lines(times: np.ndarray, task: Task) -> list[str]:
     return lines
 
 
-def wall_cells(times: np.ndarray) -> list[tuple[str, str]]:
-    """Return the cells of a CSV file for (n, 2) `times` of `run_trials`; empty for NaN."""
-    shown = [f'{time:.9g}' if np.isfinite(time) else '' for time in times.ravel().tolist()]
+def wall_cells(times: np.ndarray) -> list[tuple[float | None, float | None]]:
+    """Return the entries of a table for (n, 2) `times` of `run_trials`.
+
+    None, for NaN, is an empty cell in a CSV file and null in JSON.
+    """
+    shown = [float(f'{time:.9g}') if np.isfinite(time) else None for time in times.ravel().tolist()]
     return list(zip(shown[::2], shown[1::2], strict=True))
 
 

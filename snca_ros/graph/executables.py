@@ -26,14 +26,14 @@ _TAKE_NAMES = ('voxel_node',)  # of the nodes to run
 def run_node(name: str, argv: list[str]) -> int:
     """Run a node in this process until it ends; return the exit code."""
     exit_at_stop_signals(0)  # until the node installs its own handlers, it has nothing to finish
+    return exit_code(name, lambda: _run(name, argv))
+
+
+def _run(name: str, argv: list[str]) -> int:
     own = argv[: argv.index('--ros-args')] if '--ros-args' in argv else argv
     if '-h' in own or '--help' in own:
         print(node_help(resolve_name(_INTERFACES[name])), flush=True)
         return 0
-    return exit_code(name, lambda: _run(name, argv, own))
-
-
-def _run(name: str, argv: list[str], own: list[str]) -> int:
     if own and name not in _TAKE_NAMES:
         expected = f"nothing before --ros-args, which takes parameters: 'snca {name} --help'"
         raise InvalidInput('arguments', ' '.join(own), expected)

@@ -41,6 +41,13 @@ def test_help_names_every_command_and_node(arguments, capsys):
     assert 'snca' in listed
 
 
+@pytest.mark.parametrize('name', cli.NODES)
+def test_help_of_a_node_has_its_parameters_in_a_column_of_their_own(name, capsys):
+    assert cli.main([name, '--help']) == 0
+    lines = capsys.readouterr().out.partition('parameters:\n')[2].partition('\n\n')[0]
+    assert all(line[24] == ' ' and line[25] != ' ' for line in lines.splitlines())
+
+
 def test_version(capsys):
     assert cli.main(['--version']) == 0
     assert capsys.readouterr().out == f'snca_ros {snca_ros.__version__}\n'

@@ -194,9 +194,16 @@ def test_text_is_utf_8(tmp_path):
 def test_what_can_be_written_is_known_before(tmp_path):
     check_writable('csv', tmp_path / 'new.csv')
     assert names(tmp_path) == []
-    for path in (tmp_path, tmp_path / 'nowhere' / 'new.csv'):
+    for path in (tmp_path, tmp_path / 'nowhere' / 'new.csv', tmp_path / ('x' * 256)):
         with pytest.raises(InvalidInput, match=f'{path.name}: csv: got'):
             check_writable('csv', path)
+
+
+def test_folder_of_a_bag_that_cannot_be_created_is_known_before(tmp_path):
+    (tmp_path / 'file').touch()
+    for path in (tmp_path / ('x' * 256), tmp_path / 'file' / 'bag'):
+        with pytest.raises(InvalidInput, match='a folder that can be written'):
+            check_new_bag(path, 'mcap')
 
 
 def test_readers_of_the_old_file_keep_it(tmp_path):

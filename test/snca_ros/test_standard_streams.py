@@ -66,3 +66,15 @@ def test_a_full_disk_is_no_traceback(stream, monkeypatch, capfd):
     assert out == ''
     assert code == (1 if stream == 'stdout' else 0)
     assert err.count('\n') == (1 if stream == 'stdout' else 0)
+
+
+@pytest.mark.parametrize('name', ['walk', 'voxel_node'])
+def test_a_reader_of_the_help_may_go_early(name):
+    reader, writer = os.pipe()
+    os.close(reader)
+    run = subprocess.run(
+        [sys.executable, '-m', 'snca_ros', name, '--help'], stdout=writer, stderr=subprocess.PIPE,
+        env={**os.environ, 'PYTHONPATH': str(ROOT)}, timeout=300, check=False, text=True,
+    )
+    os.close(writer)
+    assert run.stderr == ''

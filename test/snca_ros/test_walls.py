@@ -125,14 +125,16 @@ def test_pictures_say_so(tmp_path, capsys):
 
 
 def test_an_assessment_says_so(here, robot, tmp_path, capsys):
-    table = tmp_path / 'scores.csv'
-    arguments = ['--terrains', 'flat', '--duration', str(SECONDS)]
+    table, results = tmp_path / 'scores.csv', tmp_path / 'scores.json'
+    arguments = ['--terrains', 'flat', '--duration', str(SECONDS), '--json', str(results)]
     assert main(['assess', DEFAULT_CONTROLLER, *arguments, '--csv', str(table)]) == 0
     printed = capsys.readouterr().out
     assert 'in 1 of 1 episodes the robot met the wall at the end of the ground' in printed
     row = next(csv.DictReader(table.open()))
     ahead = robot.run(SECONDS).walls.ahead
     assert float(row['wall_ahead']) == pytest.approx(ahead / 60)
+    scored = json.loads(results.read_text())['scores'][0]
+    assert (scored['wall_behind'], scored['wall_ahead']) == (None, float(row['wall_ahead']))
     scores = snca.assess(robot, 'flat', duration=SECONDS)
     assert scores.wall_times.shape == (1, 1, 1, 1, 2)
     assert scores.wall_times[0, 0, 0, 0, 1] == ahead / 60

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import sim_node
-from sim_node.numerics.cache_folder import _parents, _unused
+from sim_node.numerics.cache_folder import _check_mine, _parents, _unused
 from sim_node.numerics.source_digest import sources
 
 
@@ -151,6 +151,14 @@ def test_home_that_is_no_folder_is_not_made(home, monkeypatch) -> None:
         monkeypatch.delenv(variable, raising=False)
     monkeypatch.setenv('HOME', home)
     assert _parents() == [Path(tempfile.gettempdir(), f'snca_ros-{os.getuid()}')]
+
+
+def test_a_link_in_the_place_of_the_folder_is_refused_and_not_followed(tmp_path: Path) -> None:
+    (tmp_path / 'mine').mkdir(mode=0o755)
+    (tmp_path / 'link').symlink_to('mine')
+    with pytest.raises(PermissionError):
+        _check_mine(tmp_path / 'link')
+    assert (tmp_path / 'mine').stat().st_mode & 0o777 == 0o755
 
 
 def test_without_any_folder_code_is_compiled_and_a_message_reports_it(copy: Path) -> None:
