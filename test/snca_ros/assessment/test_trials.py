@@ -137,8 +137,8 @@ def test_trials_are_in_the_arithmetic_of_the_command(capsys, monkeypatch):
     asked = []
 
     def pretend(workers, trials):
+        asked.extend(trials)
         return np.zeros(len(trials)), np.full((len(trials), 2), np.nan)
-        return np.zeros(len(trials))
 
     monkeypatch.setattr('snca_ros.commands.assess.run_trials', pretend)
     code, _, _ = assess(DEFAULT_CONTROLLER, '--terrains', 'flat', '--arithmetic', 'int8',
