@@ -3,7 +3,7 @@
 import importlib
 import itertools
 import sys
-import time
+import threading
 from pathlib import Path
 
 import rclpy
@@ -31,9 +31,10 @@ def play(path):
     messages = sorted(
         (t, name, i) for name, topic in played.items() for i, t in enumerate(topic.times)
     )
+    pace = threading.Event()
     for _, name, i in itertools.cycle(messages):
         publishers[name].publish(played[name].messages[i])
-        time.sleep(PERIOD)
+        pace.wait(PERIOD)
 
 
 if __name__ == '__main__':

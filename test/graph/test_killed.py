@@ -56,7 +56,7 @@ def test_a_stopped_simulation_condemns_nobody(
     newest = max(centers[0])
     spin_until(lambda: max(centers[0]) > newest + 10)
     simulation.send_signal(signal.SIGTERM)
-    output, _ = simulation.communicate(timeout=60)
+    output, _ = simulation.communicate(timeout=LIMIT)
     assert simulation.returncode == 0
     assert 'no actuation' not in output
     assert 'limp' not in output

@@ -19,6 +19,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import get_types_from_msg
 from std_msgs.msg import String
 from support.graph import go, offline
+from support.limits import LIMIT
 from support.paths import ROOT
 from support.synthetic_bag import make_walk, messages_of_walk, write_messages
 
@@ -71,7 +72,7 @@ def test_voxels_follow_the_simulation_that_they_have_joined(
         assert (level, ignored in text) == (b'\x01', True), text
     spin_until(lambda: '/player and /robot/sim_node publish' in health['sim_node'][1])
 
-    output, _ = second.communicate(timeout=120)
+    output, _ = second.communicate(timeout=LIMIT)
     assert second.returncode == 1, output
     (line,) = [line for line in output.splitlines() if 'ERROR' in line]
     assert 'WARN' not in output
@@ -98,7 +99,7 @@ def test_a_second_walk_ends_before_anything_is_mixed(
     spin_until(lambda: node.count_subscribers('/robot/odometry') == 1)
     spin_until(lambda: node.count_publishers('/robot/odometry') == 1)
     second = start(*common, 1, '--bag', 'two')
-    output, _ = second.communicate(timeout=120)
+    output, _ = second.communicate(timeout=LIMIT)
     assert second.returncode == 2, output
     errors = [line for line in output.splitlines() if 'error' in line]
     assert len(errors) == 1
@@ -107,7 +108,7 @@ def test_a_second_walk_ends_before_anything_is_mixed(
     assert not (tmp_path / 'two').exists()
     assert first.poll() is None
     first.send_signal(signal.SIGINT)
-    first.communicate(timeout=60)
+    first.communicate(timeout=LIMIT)
     recording = read_bag(tmp_path / 'one')
     n = len(recording.centers)
     np.testing.assert_array_equal(recording.centers, offline(path, n / 60)[:n])
@@ -145,7 +146,7 @@ def test_recorder_records_or_names_topics_of_any_type(
     goals.publish(Goals())
     spin_until(lambda: recorder.poll() is None and health['recorder_node'][2]['messages'] > 0)
     recorder.send_signal(signal.SIGINT)
-    output, _ = recorder.communicate(timeout=60)
+    output, _ = recorder.communicate(timeout=LIMIT)
     player.destroy_node()
     assert recorder.returncode == 0, output
     assert 'Traceback' not in output

@@ -8,6 +8,7 @@ import sys
 import matplotlib as mpl
 import numpy as np
 import pytest
+from support.limits import LIMIT
 from support.paths import ROOT
 
 from snca_ros.assessment.figures import draw_scores
@@ -57,6 +58,6 @@ def test_names_are_labels_as_they_are():
 def test_the_backend_of_a_notebook_is_not_needed():
     program = "from snca_ros import cli; cli.main(['--version']); import matplotlib.figure"
     subprocess.run(
-        [sys.executable, '-c', program], check=True, timeout=300, stdout=subprocess.DEVNULL,
+        [sys.executable, '-c', program], check=True, timeout=LIMIT, stdout=subprocess.DEVNULL,
         env={**os.environ, 'PYTHONPATH': str(ROOT), 'MPLBACKEND': 'module://no_such.backend'},
     )

@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from support.limits import LIMIT
 from support.paths import ROOT
 
 from snca_ros.command_line import exit_code
@@ -38,7 +39,7 @@ os._exit(code)
 """
     run = subprocess.run(
         ['sh', '-c', 'exec "$0" -c "$1" <&- >&- 2>&-', sys.executable, program],
-        env={**os.environ, 'PYTHONPATH': str(ROOT)}, timeout=300, check=False,
+        env={**os.environ, 'PYTHONPATH': str(ROOT)}, timeout=LIMIT, check=False,
     )
     assert run.returncode == 2
 
@@ -46,7 +47,7 @@ os._exit(code)
 def test_an_error_is_not_printed_on_standard_output_if_standard_error_is_closed():
     run = subprocess.run(
         ['sh', '-c', 'exec "$0" -m snca_ros wlak 2>&-', sys.executable],
-        env={**os.environ, 'PYTHONPATH': str(ROOT)}, timeout=300, check=False,
+        env={**os.environ, 'PYTHONPATH': str(ROOT)}, timeout=LIMIT, check=False,
         capture_output=True, text=True,
     )
     assert (run.returncode, run.stdout) == (2, '')
@@ -74,7 +75,7 @@ def test_a_reader_of_the_help_may_go_early(name):
     os.close(reader)
     run = subprocess.run(
         [sys.executable, '-m', 'snca_ros', name, '--help'], stdout=writer, stderr=subprocess.PIPE,
-        env={**os.environ, 'PYTHONPATH': str(ROOT)}, timeout=300, check=False, text=True,
+        env={**os.environ, 'PYTHONPATH': str(ROOT)}, timeout=LIMIT, check=False, text=True,
     )
     os.close(writer)
     assert run.stderr == ''

@@ -5,6 +5,7 @@ import sys
 from concurrent.futures import wait
 
 import pytest
+from support.limits import LIMIT
 from support.paths import ROOT
 
 import snca_ros
@@ -29,7 +30,7 @@ def taken(tmp_path, monkeypatch):
 def test_a_node_imports_nothing_from_the_working_directory(taken):
     run = subprocess.run(
         own_command('snca_ros', 'completion', 'bash', '--help'), capture_output=True, text=True,
-        timeout=300, check=False,
+        timeout=LIMIT, check=False,
     )
     assert (run.returncode, run.stderr) == (0, '')
     assert 'usage: snca completion' in run.stdout
