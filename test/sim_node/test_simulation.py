@@ -184,7 +184,7 @@ def test_a_fresh_process_gives_the_same_bits():
     result = subprocess.run(
         [sys.executable, '-c', code], cwd=TEST, capture_output=True, text=True,
         check=True, timeout=LIMIT,
-        env={**os.environ, 'PYTHONPATH': str(ROOT), 'PYTHONHASHSEED': '7'},
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join([str(ROOT), str(TEST)]), 'PYTHONHASHSEED': '7'},
     )
     assert result.stdout.strip() == trace(sensor_noise=0.05, seed=1)
 
