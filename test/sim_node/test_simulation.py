@@ -182,9 +182,9 @@ def test_runs_repeat_bit_for_bit():
 def test_a_fresh_process_gives_the_same_bits():
     code = 'from support.trace import trace; print(trace(sensor_noise=0.05, seed=1))'
     result = subprocess.run(
-        [sys.executable, '-c', code], cwd=TEST, capture_output=True, text=True,
+        [sys.executable, '-c', code], capture_output=True, text=True,
         check=True, timeout=LIMIT,
-        env={**os.environ, 'PYTHONPATH': os.pathsep.join([str(ROOT), str(TEST)]), 'PYTHONHASHSEED': '7'},
+        env={**os.environ, 'PYTHONPATH': f'{ROOT}{os.pathsep}{TEST}', 'PYTHONHASHSEED': '7'},
     )
     assert result.stdout.strip() == trace(sensor_noise=0.05, seed=1)
 
