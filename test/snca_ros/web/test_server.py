@@ -57,6 +57,7 @@ def frame(step, **changes):
         'step': step, 'x': x, 'y': 9.0, 'corners': np.ravel(corners).tolist(),
         'area': [1.0] * 3, 'touch': [1.0, 0.0, 0.0], 'actuation': [0.0] * 3, 'health': {},
         'messages': [[k, i, [3, 0, 0, 0]] for k in range(max(step - 2, 0), step) for i in range(3)],
+        'ages': [[k, [0, 0, 0]] for k in range(max(step - 2, 0), step)],
         **changes,
     }
 
