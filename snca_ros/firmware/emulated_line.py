@@ -1,6 +1,5 @@
 """The line to an emulated board, which runs as long as the line is open."""
 
-import contextlib
 import os
 import socket
 import subprocess
@@ -9,8 +8,7 @@ from pathlib import Path
 
 from sim_node.errors import InvalidInput, check_name
 from snca_ros.firmware.boards import BOARDS
-
-_MOST = 65536  # bytes read at once
+from snca_ros.firmware.socket_line import SocketLine
 
 # Lets the kernel kill the process when its parent ends (PR_SET_PDEATHSIG), and becomes the board,
 # unless the parent has ended before that.
@@ -40,7 +38,7 @@ def check_image(board: str, image: str, field: str) -> None:
         raise InvalidInput(field, image, f'an image for {board}, built by `make BOARD={board}`')
 
 
-class EmulatedLine:
+class EmulatedLine(SocketLine):
     """A board in an emulator, a child process, with its serial line.
 
     It ends when the line is closed, and when this process ends in any way.
@@ -51,7 +49,7 @@ class EmulatedLine:
     """
 
     def __init__(self, board: str, image: str) -> None:
-        self._socket, inner = socket.socketpair()
+        outer, inner = socket.socketpair()
         with inner:
             self._process = subprocess.Popen(
                 [sys.executable, '-I', '-S', '-c', _LAUNCH, str(os.getpid()),
@@ -59,29 +57,10 @@ class EmulatedLine:
                 stdin=inner.fileno(), stdout=inner.fileno(),
                 start_new_session=True,  # Ctrl-C reaches only the host
             )
-        self._socket.setblocking(False)
-
-    def fileno(self) -> int:
-        """Return the file descriptor, for `select`."""
-        return self._socket.fileno()
-
-    def write(self, data: bytes) -> None:
-        """Send bytes; what the line cannot take is lost. OSError if the board has ended."""
-        with contextlib.suppress(BlockingIOError):
-            self._socket.send(data)
-
-    def read(self) -> bytes:
-        """Return what has arrived, b'' for nothing. OSError if the board has ended."""
-        try:
-            data = self._socket.recv(_MOST)
-        except BlockingIOError:
-            return b''
-        if not data:
-            raise ConnectionResetError('the emulator has ended')
-        return data
+        super().__init__(outer)
 
     def close(self) -> None:
         """End the board."""
-        self._socket.close()
+        super().close()
         self._process.kill()
         self._process.wait()

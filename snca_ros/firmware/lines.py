@@ -14,6 +14,7 @@ from typing import Protocol
 
 from sim_node.errors import InvalidInput
 from snca_ros.firmware.emulated_line import EmulatedLine, check_image
+from snca_ros.firmware.socket_line import SocketLine
 
 EXPECTED = 'serial:PATH@BAUD, udp:HOST:PORT, unix:PATH or emulated:BOARD:IMAGE'
 """What an address is."""
@@ -72,10 +73,10 @@ class Address:
         if self.kind == 'serial':
             return _SerialLine(self.place, self.number)
         if self.kind == 'udp':
-            return _SocketLine(socket.SOCK_DGRAM, (self.place, self.number))
+            return _connected(socket.SOCK_DGRAM, (self.place, self.number))
         if self.kind == 'emulated':
             return EmulatedLine(self.board, self.place)
-        return _SocketLine(socket.SOCK_STREAM, self.place)
+        return _connected(socket.SOCK_STREAM, self.place)
 
 
 def parse_address(text: str, field: str = 'device') -> Address:
@@ -144,34 +145,13 @@ class _SerialLine:
         os.close(self._file)
 
 
-class _SocketLine:
-    """A connected socket: datagrams from one peer only, or a stream."""
-
-    def __init__(self, kind: socket.SocketKind, place: str | tuple[str, int]) -> None:
-        family = socket.AF_UNIX if isinstance(place, str) else socket.AF_INET
-        self._socket, self._stream = socket.socket(family, kind), kind == socket.SOCK_STREAM
-        try:
-            self._socket.connect(place)
-        except OSError:
-            self._socket.close()
-            raise
-        self._socket.setblocking(False)
-
-    def fileno(self) -> int:
-        return self._socket.fileno()
-
-    def write(self, data: bytes) -> None:
-        with contextlib.suppress(BlockingIOError):
-            self._socket.send(data)
-
-    def read(self) -> bytes:
-        try:
-            data = self._socket.recv(_MOST)
-        except BlockingIOError:
-            return b''
-        if not data and self._stream:
-            raise ConnectionResetError('the other end has closed the socket')
-        return data
-
-    def close(self) -> None:
-        self._socket.close()
+def _connected(kind: socket.SocketKind, place: str | tuple[str, int]) -> SocketLine:
+    """Return a line to a local socket or to a host and port; OSError if nobody listens there."""
+    family = socket.AF_UNIX if isinstance(place, str) else socket.AF_INET
+    connected = socket.socket(family, kind)
+    try:
+        connected.connect(place)
+    except OSError:
+        connected.close()
+        raise
+    return SocketLine(connected)
