@@ -161,7 +161,7 @@ class _Server:
             pid = os.fork()
             if pid == 0:
                 self._connection.close()
-                _run_and_exit(lambda: _become_node(arguments, environment, title))
+                run_and_exit(lambda: _become_node(arguments, environment, title))
         return pid
 
     def poll(self, pid: int) -> int | None:
@@ -179,8 +179,8 @@ def _become_node(arguments: list[str], environment: dict[str, str], title: str) 
     return run_node(arguments[0], arguments[1:])
 
 
-def _run_and_exit(run: Callable[[], int]) -> NoReturn:
-    """End this process with the exit code that `run` returns, without the server's clean-up."""
+def run_and_exit(run: Callable[[], int]) -> NoReturn:
+    """End this process, a fork, with the exit code that `run` returns, without clean-up."""
     code = 1
     try:
         code = run()

@@ -10,7 +10,6 @@ import signal
 import subprocess
 import sys
 import threading
-import traceback
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -19,6 +18,7 @@ from support.limits import be_patient
 from support.paths import ROOT
 
 from snca_ros.graph.child_process import PARENT, end_with_parent
+from snca_ros.graph.fork_server import run_and_exit
 
 
 class Forks:
@@ -99,32 +99,29 @@ class Fork:
         self.send_signal(signal.SIGKILL)
 
 
+def _become_snca(
+    arguments: list[str], environment: dict[str, str], cwd: str, descriptor: int
+) -> int:
+    """Run `snca` in this newly forked process; return its exit code."""
+    for standard in (1, 2):
+        os.dup2(descriptor, standard)
+    os.closerange(3, 1024)
+    # The server's own streams may be those of a file, which knows its position.
+    sys.stdout, sys.stderr = (open(n, 'w', closefd=False) for n in (1, 2))  # noqa: SIM115
+    os.chdir(cwd)
+    os.environ.clear()
+    os.environ.update({**environment, PARENT: str(os.getppid())})
+    sys.argv = ['snca_ros', *arguments]
+    return run()
+
+
 def start(arguments: list[str], environment: dict[str, str], cwd: str, output: str) -> int:
     """Fork a process in the server; return its id."""
     gc.freeze()
     descriptor = os.open(output, os.O_WRONLY)
     pid = os.fork()
     if pid == 0:
-        code = 1
-        try:
-            for standard in (1, 2):
-                os.dup2(descriptor, standard)
-            os.closerange(3, 1024)
-            # The server's own streams may be those of a file, which knows its position.
-            sys.stdout, sys.stderr = (open(n, 'w', closefd=False) for n in (1, 2))  # noqa: SIM115
-            os.chdir(cwd)
-            os.environ.clear()
-            os.environ.update({**environment, PARENT: str(os.getppid())})
-            sys.argv = ['snca_ros', *arguments]
-            code = run()
-        except SystemExit as stop:
-            code = stop.code if isinstance(stop.code, int) else 1
-        except BaseException:
-            traceback.print_exc()
-        finally:
-            sys.stdout.flush()
-            sys.stderr.flush()
-            os._exit(code)
+        run_and_exit(lambda: _become_snca(arguments, environment, cwd, descriptor))
     os.close(descriptor)
     return pid
 
