@@ -244,3 +244,8 @@ def write_messages(
     else:
         writer.close()
     return path
+
+
+def count_of(recording, topic):
+    """Return the message counts of one topic."""
+    return next(count for count in recording.counts if count.topic == topic)

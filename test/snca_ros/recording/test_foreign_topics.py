@@ -7,6 +7,7 @@ from support.synthetic_bag import (
     STEP_TIME,
     STORAGES,
     STORE,
+    count_of,
     make_walk,
     messages_of_walk,
     odometry,
@@ -16,10 +17,6 @@ from support.synthetic_bag import (
 from snca_ros.recording.bag import read_bag
 
 N_STEPS = 12
-
-
-def count_of(recording, topic):
-    return next(c for c in recording.counts if c.topic == topic)
 
 
 def test_the_clock_of_a_second_robot_is_read(tmp_path):

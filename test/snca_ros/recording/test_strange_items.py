@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from support.synthetic_bag import (
     STORE,
     clock,
+    count_of,
     diagnostics,
     image,
     make_walk,
@@ -19,10 +20,6 @@ from support.synthetic_bag import (
 from snca_ros.recording.bag import read_bag
 
 N_STEPS = 12
-
-
-def count_of(recording, topic):
-    return next(c for c in recording.counts if c.topic == topic)
 
 
 def test_a_status_that_is_not_text_is_refused_and_the_others_are_read(tmp_path):
