@@ -19,8 +19,8 @@ BAD_INPUT = 2
 class FormerlyWithValue(argparse.Action):
     """A flag that took an optional value in earlier versions, which now has an option of its own.
 
-    Such a value could not be told from a positional argument. It is still accepted, with a warning,
-    if it looks like one.
+    argparse cannot distinguish such a value from a positional argument. A value is still accepted,
+    with a warning, if it looks like one.
 
     Attributes:
         own_option: the option of the value, which implies the flag.

@@ -1,7 +1,7 @@
 """(ROS) Functions of rcl, the C library below rclpy, that compiled code calls.
 
 rclpy takes and publishes a serialised message with a dozen Python objects, which is most of the
-cost of a control step. `AVAILABLE` tells whether compiled code can do it by itself.
+cost of a control step. If `AVAILABLE` is true, compiled code calls rcl directly.
 """
 
 import ctypes

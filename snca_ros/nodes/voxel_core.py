@@ -190,7 +190,7 @@ class VoxelCore:
 
     @property
     def needs_newest(self) -> bool:
-        """Return whether a voxel that joins late must be told which step is the newest."""
+        """Return whether a voxel that joins late does not know yet which step is the newest."""
         return not self.joined and self._behind and self._newest_published is None
 
     def note_published(self, episode: bytes, step: int) -> None:

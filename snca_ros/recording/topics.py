@@ -15,7 +15,7 @@ MARKERS_TYPE = 'visualization_msgs/msg/MarkerArray'
 _VOXEL = r'voxel_\d+_\d+'
 _VOXEL_TOPIC = re.compile(rf'(.*)/({_VOXEL})/(sensors|actuation|spikes|values)')
 _OF_ROBOT = ('odometry', 'markers', 'applied_actuation', 'clock')
-_TRIED = 10  # messages whose content may tell what a topic is
+_TRIED = 10  # messages of a topic whose content is examined
 
 
 class Role(NamedTuple):
