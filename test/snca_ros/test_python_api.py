@@ -290,7 +290,7 @@ def test_a_run_has_a_folder_of_its_own(tmp_path, monkeypatch):
 def test_all_options_of_the_command_are_arguments():
     parser = argparse.ArgumentParser()
     add_arguments(parser)
-    options = {action.dest for action in parser._actions} - {'help', 'scheduler'}
+    options = {action.dest for action in parser._actions} - {'help', 'scheduler', 'json'}
     assert options <= set(inspect.signature(snca.evolve).parameters)
 
 
@@ -331,7 +331,9 @@ def test_defaults_of_assess_are_those_of_the_command(monkeypatch):
     seen = []
     monkeypatch.setattr(
         'snca_ros.api.assessment.run_trials',
-        lambda workers, trials: seen.append(trials) or np.zeros(len(trials)),
+        lambda workers, trials: (
+            seen.append(trials) or np.zeros(len(trials)), np.full((len(trials), 2), np.nan)
+        ),
     )
     scores = snca.assess('biped-U-nD-snn-h')
     assert scores.v_x.shape == (1, 1, 16, 1)

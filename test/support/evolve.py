@@ -120,3 +120,11 @@ class Here:
         for word in words:
             assert word in err
         assert list(self.folder.iterdir()) == []
+
+
+def stopped_after(evaluations):
+    """Return a `report` for `evolve` that interrupts the run after some evaluations."""
+    def stop(progress):
+        if progress.evaluations >= evaluations:
+            raise KeyboardInterrupt
+    return stop

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.evolve import stopped_after
 
 from sim_node.errors import InvalidInput
 from snca_ros import cli
@@ -105,13 +106,6 @@ CONFIG = RunConfig(
     'worm-3x1', Architecture.named('U-D', 'mlp'), engine='batched', strategy='cma',
     evaluations=37, population=8, duration=1.0, transient=0.2,
 )
-
-
-def stopped_after(evaluations):
-    def stop(progress):
-        if progress.evaluations >= evaluations:
-            raise KeyboardInterrupt
-    return stop
 
 
 def test_stopped_run_goes_on_to_the_same_end(tmp_path):

@@ -1,12 +1,12 @@
 """The evolution strategy against a second computation of its generations with plain numpy."""
 
 import io
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.evolve import stopped_after
 
 from sim_node.errors import InvalidInput
 from snca_ros.cell.architecture import Architecture
@@ -330,10 +330,10 @@ def test_a_strategy_from_outside_the_tree_runs_and_resumes(tmp_path, monkeypatch
     once = RunFolder.create(tmp_path / 'once', whole)
     expected = evolve(once, IN_PROCESS)
     once.close()
-    begun = RunFolder.create(tmp_path / 'twice', replace(whole, evaluations=8))
-    evolve(begun, IN_PROCESS)
+    begun = RunFolder.create(tmp_path / 'twice', whole)
+    with pytest.raises(KeyboardInterrupt):
+        evolve(begun, IN_PROCESS, stopped_after(8))
     begun.close()
-    (tmp_path / 'twice' / 'config.yaml').write_text(whole.to_yaml())
     resumed = RunFolder.resume(tmp_path / 'twice')
     found = evolve(resumed, IN_PROCESS)
     resumed.close()
