@@ -5,8 +5,17 @@ import reprlib
 from collections.abc import Iterable
 from typing import Any
 
-_SHORT = reprlib.Repr()  # a few lines of YAML with aliases can expand to any length
-_SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxdict = 4, 20, 20
+
+class _Short(reprlib.Repr):
+    """Represents values in short: a few lines of YAML with aliases can expand to any length."""
+
+    def repr1(self, x: Any, level: int) -> str:
+        """Represent a value; numbers and arrays of numpy as Python's numbers and lists."""
+        return super().repr1(of_python(x), level)
+
+
+_SHORT = _Short()
+_SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxtuple, _SHORT.maxdict = 4, 20, 20, 20
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 80
 
 
@@ -18,8 +27,9 @@ class InvalidInput(ValueError):
     """
 
     def __init__(self, field: str, value: object, expected: str, source: str = '') -> None:
-        value = plain(value)
-        shown = _SHORT.repr(value) if isinstance(value, (list, dict)) else repr(value)
+        value = of_python(value)
+        is_nested = isinstance(value, (list, tuple, dict))
+        shown = _SHORT.repr(value) if is_nested else repr(value)
         if len(shown) > 80:
             shown = shown[:77] + '...'
         where = f'{source}: {field}' if source else field
@@ -35,15 +45,11 @@ class InvalidInput(ValueError):
         return InvalidInput(self.field, self.value, self.expected, inner)
 
 
-def plain(value: Any) -> Any:
-    """Return a value with numpy's numbers and arrays as Python's numbers and lists, at any depth.
+def of_python(value: Any) -> Any:
+    """Return a number or array of numpy as Python's number or list; other values as they are.
 
     `repr` shows numbers of numpy as np.float64(900.0), and JSON does not know them.
     """
-    if isinstance(value, dict):
-        return {plain(key): plain(one) for key, one in value.items()}
-    if type(value) in (list, tuple):
-        return type(value)(map(plain, value))
     is_of_numpy = hasattr(value, 'tolist') and not isinstance(value, type)
     return value.tolist() if is_of_numpy else value
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from sim_node.errors import InvalidInput, plain
+from sim_node.errors import InvalidInput, of_python
 from snca_ros.files import check_writable, write_text
 
 STANDARD_OUTPUT = '-'
@@ -53,12 +53,13 @@ def _write(path: Path, results: Any) -> None:
 
 def json_text(results: Any) -> str:
     """Return results as JSON; numbers that are not finite, which JSON does not have, are null."""
-    return json.dumps(_finite(plain(results)), indent=2, allow_nan=False) + '\n'
+    return json.dumps(_for_json(results), indent=2, allow_nan=False) + '\n'
 
 
-def _finite(value: Any) -> Any:
+def _for_json(value: Any) -> Any:
+    value = of_python(value)
     if isinstance(value, dict):
-        return {key: _finite(one) for key, one in value.items()}
+        return {of_python(key): _for_json(one) for key, one in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_finite(one) for one in value]
+        return [_for_json(one) for one in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
