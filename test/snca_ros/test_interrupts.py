@@ -1,9 +1,10 @@
+import os
 import signal
 import threading
 
 import pytest
 
-from snca_ros.interrupts import interrupt_ends_at_once
+from snca_ros.interrupts import INTERRUPTED, exiting_at_interrupt
 
 
 @pytest.fixture(autouse=True)
@@ -14,21 +15,27 @@ def usual():
 
 
 def test_an_interrupt_ends_the_process_only_while_it_starts():
-    with interrupt_ends_at_once():
-        assert signal.getsignal(signal.SIGINT) is signal.SIG_DFL
+    child = os.fork()
+    if child == 0:
+        with exiting_at_interrupt():
+            signal.raise_signal(signal.SIGINT)
+        os._exit(0)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == INTERRUPTED
+    with exiting_at_interrupt():
+        assert signal.getsignal(signal.SIGINT) is not signal.default_int_handler
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_an_ignored_interrupt_stays_ignored():
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with interrupt_ends_at_once():
+    with exiting_at_interrupt():
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
 
 
 def test_other_threads_change_nothing():
     def enter():
-        with interrupt_ends_at_once():
+        with exiting_at_interrupt():
             found.append(signal.getsignal(signal.SIGINT))
 
     found: list = []
