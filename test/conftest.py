@@ -1,5 +1,7 @@
 """For all tests: one profile of hypothesis, the order of files, what CI says of skipped tests."""
 
+import signal
+
 import pytest
 from hypothesis import settings
 
@@ -9,6 +11,9 @@ from support.skips import unexcused  # noqa: E402
 
 settings.register_profile('steady', deadline=None, derandomize=True, database=None)
 settings.load_profile('steady')  # the same examples every time, and no deadline
+
+# Shells start background jobs with SIGINT ignored, and what tests start would inherit that.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.hookimpl(trylast=True)
