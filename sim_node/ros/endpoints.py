@@ -48,6 +48,10 @@ class Endpoints(NamedTuple):
     info: np.ndarray  # (INFO_WORDS,) scratch space
 
 
+def _handles(endpoints: Sequence[Publisher | None] | Sequence[Subscription | None]) -> list[int]:
+    return [0 if one is None else address(one) for one in endpoints]
+
+
 def _endpoints(
     handles: Sequence[int], formats: Sequence[WireFormat], fields: Sequence[str]
 ) -> Endpoints:
@@ -74,16 +78,16 @@ def _endpoints(
 
 
 def publishers(
-    endpoints: Sequence[Publisher], formats: Sequence[WireFormat], fields: Sequence[str]
+    endpoints: Sequence[Publisher | None], formats: Sequence[WireFormat], fields: Sequence[str]
 ) -> Endpoints:
-    """Return publishers for compiled code.
+    """Return publishers for compiled code; None for a place without a publisher.
 
     Args:
         endpoints: the publishers.
         formats: the format of each one's messages.
         fields: name of the numbers of each one's messages.
     """
-    made = _endpoints([address(one) for one in endpoints], formats, fields)
+    made = _endpoints(_handles(endpoints), formats, fields)
     parts = [made.templates[begin:end] for begin, end in made.spans]
     return made._replace(messages=np.array([message_to_publish(part) for part in parts]))
 
@@ -95,9 +99,8 @@ def subscriptions(
 
     No executor may take their messages.
     """
-    handles = [0 if one is None else address(one) for one in endpoints]
-    made = _endpoints(handles, formats, fields)
-    return made._replace(messages=messages_to_take(len(handles), _CAPACITY))
+    made = _endpoints(_handles(endpoints), formats, fields)
+    return made._replace(messages=messages_to_take(len(endpoints), _CAPACITY))
 
 
 def set_episode(endpoints: Endpoints, episode: bytes) -> None:

@@ -34,9 +34,11 @@ from snca_ros.firmware.boards import BOARDS
 from snca_ros.firmware.build import build_devices, parse_boards, parse_devices
 from snca_ros.firmware.lines import EXPECTED
 from snca_ros.graph.description import Graph, WalkOptions, describe_graph, robot_name
+from snca_ros.graph.environment import graph_environment
+from snca_ros.graph.fork_server import ForkServer
 from snca_ros.graph.live_view import LiveView
 from snca_ros.graph.lookout import Lookout
-from snca_ros.graph.processes import RunningGraph
+from snca_ros.graph.processes import RunningGraph, start_server
 from snca_ros.graph.supervisor import supervise_walk
 from snca_ros.interrupts import INTERRUPTED, exiting_at_interrupt
 from snca_ros.nodes.interfaces import ViewOptions
@@ -142,17 +144,17 @@ def _run(
         arithmetic=args.arithmetic, devices=devices,
     )
     graph = describe_graph(path, trained, options)
-    lookout = Lookout(robot, graph.enclave('walk'), 'network' if args.only else 'loopback')
-    # This also compiles the cells before the processes need them.
-    with exiting_at_interrupt():
-        offline = _offline_centers(
-            trained, args.terrain or trained.terrain, engine, args.duration, faults
-        )
-        lookout.check()
     open_view = None
     if port is not None:
         open_view = partial(LiveView, port, trained, args.terrain or trained.terrain)
-    code = _walk(graph, options, args.respawn, open_view)
+    lookout = Lookout(robot, graph.enclave('walk'), options.reach)
+    with start_server(graph, graph_environment(options.reach)) as server:
+        with exiting_at_interrupt():
+            offline = _offline_centers(
+                trained, args.terrain or trained.terrain, engine, args.duration, faults
+            )
+            lookout.check()
+        code = _walk(graph, options, args.respawn, open_view, server)
     if code or args.no_bag:
         return code
     recording = read_bag(bag)
@@ -187,7 +189,7 @@ def _offline_centers(
 
 def _walk(
     graph: Graph, options: WalkOptions, respawn: bool,
-    open_view: Callable[[RunningGraph], LiveView] | None,
+    open_view: Callable[[RunningGraph], LiveView] | None, server: ForkServer,
 ) -> int:
     """Run the graph until the simulation is done; return the exit code."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -198,7 +200,7 @@ def _walk(
         f'{", one recorder" if graph.recorder else ""}', file=sys.stderr,
     )
     try:
-        code = supervise_walk(graph, options, respawn, open_view)
+        code = supervise_walk(graph, options, respawn, open_view, server)
     except KeyboardInterrupt:
         print('\nstopped', file=sys.stderr)
         return INTERRUPTED

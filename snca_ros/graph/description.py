@@ -113,6 +113,11 @@ class WalkOptions(Checked):
     devices: dict[str, str] = field(default_factory=dict)
 
     @property
+    def reach(self) -> str:
+        """Return how far the graph reaches, see `graph_environment`."""
+        return 'network' if self.only else 'loopback'
+
+    @property
     def patience(self) -> float:
         """Return how long a voxel waits for a neighbour [s]; 0 means without limit.
 

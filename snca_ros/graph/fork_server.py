@@ -25,6 +25,7 @@ from snca_ros.command_line import load_module
 from snca_ros.faults import NO_FAULTS
 from snca_ros.graph.child_process import PARENT, end_with_parent, name_process, own_command
 from snca_ros.graph.executables import NODES, run_node
+from snca_ros.nodes.compiled_step import load_step
 from snca_ros.nodes.own_part import load_own_part
 
 _POLL_PERIOD = 0.01  # seconds between checks whether a node process has ended
@@ -32,7 +33,7 @@ _NAME = 'fork_server'
 
 
 class ForkServer:
-    """Client of a server process, which it starts; the server ends with `close`.
+    """Client of a server process, which it starts; the server ends with `close` or a with block.
 
     The server ends with its parent and the nodes end with the server, even after SIGKILL.
 
@@ -44,6 +45,7 @@ class ForkServer:
     """
 
     def __init__(self, environment: dict[str, str]) -> None:
+        self._unread = 0  # results that nobody waits for
         self._connection, theirs = Pipe()
         self._process = subprocess.Popen(
             own_command(__name__, str(theirs.fileno())),
@@ -54,16 +56,16 @@ class ForkServer:
         self.pid = self._process.pid
 
     def load_cell(self, controller: str, voxel: str) -> None:
-        """Load the compiled code of a controller's cells, so that the voxels need not.
+        """Have the server load the compiled code of a controller's cells, so that voxels need not.
+
+        This does not wait for it. If the file cannot be read, the voxels say so.
 
         Args:
             controller: path of the controller file.
             voxel: name of one of its voxels.
-
-        Raises:
-            InvalidInput: the file cannot be read.
         """
-        self.request('load_cell', controller, voxel)
+        self._connection.send(('load_cell', (controller, voxel)))
+        self._unread += 1
 
     def start(
         self, arguments: list[str], environment: dict[str, str], title: str
@@ -85,6 +87,9 @@ class ForkServer:
         """
         try:
             self._connection.send((name, arguments))
+            for _ in range(self._unread):
+                self._connection.recv()
+                self._unread -= 1
             result = self._connection.recv()
         except EOFError:
             raise ConnectionResetError('the fork server has ended') from None
@@ -92,8 +97,14 @@ class ForkServer:
             raise result
         return result
 
+    def __enter__(self) -> 'ForkServer':
+        return self
+
+    def __exit__(self, *exc_info: object) -> None:
+        self.close()
+
     def close(self) -> None:
-        """End the server."""
+        """End the server, unless it has ended."""
         self._connection.close()
         self._process.wait()
 
@@ -152,7 +163,7 @@ class _Server:
             return error
 
     def load_cell(self, controller: str, voxel: str) -> None:
-        load_own_part(controller, voxel, NO_FAULTS, '')
+        load_step(load_own_part(controller, voxel, NO_FAULTS, ''), voxel)
 
     def start(self, arguments: list[str], environment: dict[str, str], title: str) -> int:
         environment[PARENT] = str(os.getpid())

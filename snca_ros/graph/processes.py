@@ -17,16 +17,28 @@ _POLL_PERIOD = 0.01  # seconds between checks whether processes have ended
 _PATIENCE = 10.0  # seconds that a process has to end after SIGINT before it is killed
 
 
+def start_server(graph: Graph, environment: dict[str, str]) -> ForkServer:
+    """Return a server for the processes of a graph, which loads their code from now on."""
+    server = ForkServer({**os.environ, **environment})
+    for process in graph.voxels[:1]:
+        controller = process.parameters[process.name]['controller']
+        server.load_cell(str(controller), process.name)
+    return server
+
+
 class RunningGraph:
     """The running processes of a graph; a context manager that starts and ends them.
 
     Args:
         graph: the processes to start.
         environment: variables to add to their environment.
+        server: of which the processes are forks, which is ended with them; None for a new one.
     """
 
-    def __init__(self, graph: Graph, environment: dict[str, str]) -> None:
-        self.graph = graph
+    def __init__(
+        self, graph: Graph, environment: dict[str, str], server: ForkServer | None = None
+    ) -> None:
+        self.graph, self._given_server = graph, server
         self._environment = {**os.environ, **environment}
         self._children: dict[NodeProcess, ForkedProcess] = {}
 
@@ -34,12 +46,9 @@ class RunningGraph:
         self._folder = tempfile.TemporaryDirectory(prefix='snca_ros_')
         self._params = Path(self._folder.name) / 'params.yaml'
         write_text(self._params, self.graph.parameters_yaml())
-        self._server = ForkServer(self._environment)
+        self._server = self._given_server or start_server(self.graph, self._environment)
         try:
             for process in self.graph.processes:
-                if process in self.graph.voxels[:1]:
-                    controller = process.parameters[process.name]['controller']
-                    self._server.load_cell(str(controller), process.name)
                 self._children[process] = self._start(process)
         except BaseException:
             self.__exit__()

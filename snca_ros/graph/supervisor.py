@@ -16,6 +16,7 @@ from sim_node.ros.interface import DIAGNOSTICS
 from sim_node.ros.stop_signals import StopRequest
 from snca_ros.graph.description import Graph, NodeProcess, WalkOptions
 from snca_ros.graph.environment import graph_environment
+from snca_ros.graph.fork_server import ForkServer
 from snca_ros.graph.network import await_network
 from snca_ros.graph.processes import RunningGraph
 from snca_ros.progress import StatusLine
@@ -40,6 +41,7 @@ def supervise_walk(
     options: WalkOptions,
     respawn: bool = False,
     open_view: Callable[[RunningGraph], View] | None = None,
+    server: ForkServer | None = None,
 ) -> int:
     """Run a graph until its simulation ends.
 
@@ -51,6 +53,7 @@ def supervise_walk(
             walk continues without it.
         respawn: whether to restart voxels that a signal has ended.
         open_view: opens a live view of the running graph.
+        server: see `RunningGraph`.
 
     Returns:
         0, or 1 if a process failed.
@@ -58,11 +61,11 @@ def supervise_walk(
     Raises:
         KeyboardInterrupt: SIGINT or SIGTERM has ended the walk.
     """
-    environment = graph_environment('network' if options.only else 'loopback')
+    environment = graph_environment(options.reach)
     os.environ.update(environment)
     if options.only:
         await_network()
-    with StopRequest() as stop, RunningGraph(graph, environment) as running:
+    with StopRequest() as stop, RunningGraph(graph, environment, server) as running:
         return _watch_walk(running, stop, options, respawn, open_view)
 
 

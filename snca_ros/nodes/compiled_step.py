@@ -14,6 +14,7 @@ from rclpy.subscription import Subscription
 from sim_node.model.morphology import DIRECTIONS, OPPOSITE
 from sim_node.numerics.dispatch import by_attribute
 from sim_node.numerics.jit import compiled, compiled_inline, entry_point, warm_up
+from sim_node.ros import rcl_functions, topics
 from sim_node.ros.cdr import WireFormat
 from sim_node.ros.endpoints import (
     EXPECTED,
@@ -31,6 +32,9 @@ from sim_node.ros.endpoints import (
 )
 from snca_ros.cell.cells import CellState, step_cells
 from snca_ros.cell.coding import SNN_STEPS, pack_trains
+from snca_ros.nodes.cell_messages import CellMessages
+from snca_ros.nodes.own_cell import LocalCell
+from snca_ros.nodes.own_part import OwnPart
 
 _SPIKE = 255  # the pixel of a spike; others are 0
 _MESSAGE, _ACTUATION = 0, 1  # the voxel's publishers
@@ -151,7 +155,7 @@ class CompiledStep:
         directional: bool,
         sensors: WireFormat,
         inputs: Mapping[int, tuple[Subscription, WireFormat]],
-        outputs: Sequence[tuple[Publisher, WireFormat]],
+        outputs: Sequence[tuple[Publisher | None, WireFormat]],
     ) -> None:
         self._cells = cells
         self._blocks = np.array(OPPOSITE if directional else [0] * len(DIRECTIONS))
@@ -207,3 +211,21 @@ class CompiledStep:
         directions = np.flatnonzero((self._found == EXPECTED) | (self._found == OTHER))
         self._found[:] = NONE
         return [(d, taken(self._inputs, d)) for d in directions.tolist()]
+
+
+def load_step(part: OwnPart, voxel: str) -> None:
+    """Load the code of the usual steps of a voxel, so that forks of this process need not.
+
+    Args:
+        part: of the voxel.
+        voxel: its name.
+    """
+    if not (isinstance(part.cell, LocalCell) and rcl_functions.AVAILABLE):
+        return
+    architecture = part.architecture
+    outputs = CellMessages(architecture, voxel).format, topics.actuation_format(voxel)
+    CompiledStep(
+        part.cell.state, architecture.directional,
+        topics.sensors_format(voxel, architecture.sensors), {},
+        [(None, one) for one in outputs],
+    )

@@ -48,7 +48,7 @@ def test_a_live_walk_is_seen_and_its_voxels_are_killed_and_revived(
     start, make_controller, node, spin_until
 ):
     path = make_controller('11-10')
-    walk = start('walk', path, '--port', 0, '--duration', 3600, '--no-bag')
+    walk = start('walk', path, '--port', 0, '--duration', 900, '--no-bag')
     origin = origin_of(walk)
     with connect(origin.replace('http', 'ws'), origin=origin) as socket:
         watch_and_disturb(walk, Page(socket), offline(path, 1.0), node, spin_until)
@@ -89,7 +89,7 @@ def watch_and_disturb(walk, page, twin, node, spin_until):
 
 
 def test_invalid_messages_do_not_end_a_walk_with_a_view(start, attack, make_controller):
-    walk = start('walk', make_controller('11-10'), '--port', 0, '--duration', 3600, '--no-bag')
+    walk = start('walk', make_controller('11-10'), '--port', 0, '--duration', 900, '--no-bag')
     origin = origin_of(walk)
     attack('/robot_11_10')
     said = iter(walk.stdout.readline, '')

@@ -62,7 +62,7 @@ def test_walk_in_lockstep_that_is_not_its_twins_fails(start, make_controller):
 
 @pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_killing_the_walk_leaves_no_process(start, make_controller, tmp_path, number):
-    child = start('walk', make_controller('11-10'), '--duration', 3600, '--bag', 'bag')
+    child = start('walk', make_controller('11-10'), '--duration', 600, '--bag', 'bag')
     expected = ['recorder_node', 'sim_node', 'voxel_0_0', 'voxel_0_1', 'voxel_1_1']
     wait_until(lambda: sorted(nodes_of(child.pid)) == expected)
     processes = offspring(child.pid)
@@ -76,7 +76,7 @@ def test_killing_the_walk_leaves_no_process(start, make_controller, tmp_path, nu
 
 
 def test_a_killed_voxel_is_named(start, make_controller):
-    child = start('walk', make_controller('11-10'), '--duration', 3600, '--no-bag')
+    child = start('walk', make_controller('11-10'), '--duration', 600, '--no-bag')
     wait_until(lambda: len(nodes_of(child.pid)) == 4)
     os.kill(nodes_of(child.pid)['voxel_0_1'], signal.SIGKILL)
     output, _ = child.communicate(timeout=LIMIT)
