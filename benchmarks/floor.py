@@ -16,10 +16,11 @@ from collections import Counter
 
 from benchmarks.command import run_part
 from sim_node import message_layout
-from sim_node.control_time import CONTROL_RATE
+from sim_node.control_time import CONTROL_RATE, steps_in
 from sim_node.episode import EXAMPLE_EPISODE
 from sim_node.model.morphology import Morphology, parse_morphology
 from sim_node.model.sensors import DEFAULT_SENSORS
+from sim_node.ros.deadlines import Pace
 from snca_ros.cell.architecture import Architecture
 
 CASES = ['worm', 'biped', 'worm-10x2', 'worm-10x4']
@@ -63,11 +64,11 @@ def _bound_socket() -> socket.socket:
 
 def _run_voxel(
     own: socket.socket, simulation: Address, neighbors: list[Address], message: bytes,
-    actuation: bytes,
+    actuation: bytes, n_steps: int,
 ) -> None:
     """Answer each sensors(k) as soon as all messages(k - 1) are there."""
     arrived: Counter[int] = Counter()  # datagrams by the step that needs them
-    for step in range(_STEPS):
+    for step in range(n_steps):
         needed = 1 + (len(neighbors) if step else 0)
         while arrived[step] < needed:
             arrived[_STEP.unpack_from(own.recv(_LONGEST))[0]] += 1
@@ -78,9 +79,19 @@ def _run_voxel(
         own.sendto(_STEP.pack(step) + actuation, simulation)
 
 
-def _run_simulation(own: socket.socket, voxels: list[Address], sensors: bytes) -> None:
-    """Send sensors(k) to all voxels, and sensors(k + 1) as soon as all have answered."""
-    for step in range(_STEPS):
+def _run_simulation(
+    own: socket.socket, voxels: list[Address], sensors: bytes, n_steps: int, pace: Pace | None
+) -> None:
+    """Send sensors(k) to all voxels, and sensors(k + 1) as soon as all have answered.
+
+    With a `pace`, wait for the deadline of each step, too; it counts the missed ones.
+    """
+    if pace:
+        pace.start(0, time.monotonic())
+    for step in range(n_steps):
+        if pace:
+            time.sleep(max(0.0, pace.due(step) - time.monotonic()))
+            pace.note(step, time.monotonic())
         datagram = _STEP.pack(step) + sensors
         for voxel in voxels:
             own.sendto(datagram, voxel)
@@ -88,8 +99,16 @@ def _run_simulation(own: socket.socket, voxels: list[Address], sensors: bytes) -
             own.recv(_LONGEST)
 
 
-def measure_case(shape: str) -> dict:
-    """Return rate and CPU time per step of one robot; see `table` for the units."""
+def measure_case(shape: str, seconds: float = 0.0) -> dict:
+    """Return rate and CPU time per step of one robot; see `table` for the units.
+
+    Args:
+        shape: of the robot.
+        seconds: how long to run at 60 steps a second, which counts missed deadlines, too; 0 for
+            as fast as possible.
+    """
+    pace = Pace(CONTROL_RATE) if seconds else None
+    n_steps = steps_in(seconds) if seconds else _STEPS
     morphology = parse_morphology(shape)
     sensors, actuation, message = _payloads(morphology)
     simulation, *voxels = (_bound_socket() for _ in range(morphology.n_voxels + 1))
@@ -101,12 +120,12 @@ def measure_case(shape: str) -> dict:
             if not child:
                 try:
                     neighbors = [addresses[i] for i in places if i >= 0]
-                    _run_voxel(own, address, neighbors, message, actuation)
+                    _run_voxel(own, address, neighbors, message, actuation, n_steps)
                 finally:
                     os._exit(0)
             children.append(child)
         wall, cpu = time.monotonic(), time.process_time()
-        _run_simulation(simulation, addresses, sensors)
+        _run_simulation(simulation, addresses, sensors, n_steps, pace)
         wall, cpu = time.monotonic() - wall, time.process_time() - cpu
     finally:
         for child in children:
@@ -116,10 +135,11 @@ def measure_case(shape: str) -> dict:
             own.close()
     return {
         'shape': shape, 'voxels': morphology.n_voxels, 'messages': n_messages(morphology),
-        'real_time_factor': _STEPS / wall / CONTROL_RATE,
+        'real_time_factor': n_steps / wall / CONTROL_RATE,
+        'missed_deadlines': pace.missed if pace else None,
         'cpu_ms_per_step': {
-            'all': (cpu + sum(each)) / _STEPS * 1e3, 'simulation': cpu / _STEPS * 1e3,
-            'each_voxel': statistics.mean(each) / _STEPS * 1e3,
+            'all': (cpu + sum(each)) / n_steps * 1e3, 'simulation': cpu / n_steps * 1e3,
+            'each_voxel': statistics.mean(each) / n_steps * 1e3,
         },
     }
 
