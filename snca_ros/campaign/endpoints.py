@@ -115,7 +115,8 @@ def choose_robust(config: RunConfig, progress: Progress) -> Chosen:
     """
     individuals, _ = progress.population
     v_x = [
-        [one.score for one in evaluate(IN_PROCESS, config, individuals, start)] for start in STARTS
+        [one.score for one in evaluate(IN_PROCESS, config, individuals, config.conditions(start))]
+        for start in STARTS
     ]
     means = np.mean(v_x, axis=0)
     place = int(np.argmax(means))

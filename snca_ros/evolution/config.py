@@ -20,6 +20,7 @@ from sim_node.simulation import Simulation
 from snca_ros.cell.architecture import DEFAULT_ARCHITECTURE, Architecture
 from snca_ros.cell.models import DEFAULT_NEURON_MODEL
 from snca_ros.cell.models.arithmetic import DEFAULT_ARITHMETIC
+from snca_ros.evolution.conditions import Conditions
 from snca_ros.evolution.episode import EPISODE, LONGEST, TRANSIENT
 from snca_ros.evolution.strategies import DEFAULT_STRATEGY, STRATEGIES, Strategy
 from snca_ros.evolution.tasks import DEFAULT_TASK, TASKS, check_task
@@ -76,12 +77,17 @@ class RunConfig:
         check_task(self.task)
         check_size(self.n_parameters)
 
-    def simulation(self, push: int = 0) -> Simulation:
-        """Return the simulation of an episode; `push` is 0 or the seed of a pushed start."""
+    def conditions(self, push: int = 0) -> Conditions:
+        """Return the conditions of an episode; `push` is 0 or the seed of a pushed start."""
+        return Conditions(self.shape, self.terrain, push)
+
+    def simulation(self, conditions: Conditions | None = None) -> Simulation:
+        """Return the simulation of an episode; without conditions, of that of the run."""
+        conditions = conditions or self.conditions()
         return Simulation(
-            self.shape, self.terrain,
-            material=self.material, solver=self.solver, engine=self.engine, push=push,
-            sensors=self.architecture.sensors,
+            conditions.shape, conditions.terrain,
+            material=self.material, solver=self.solver, engine=self.engine, push=conditions.push,
+            sensors=self.architecture.sensors, **conditions.faults.of_body,
         )
 
     def new_strategy(self) -> Strategy:

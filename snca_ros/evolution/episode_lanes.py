@@ -1,5 +1,7 @@
 """Episodes of several controllers side by side in the batched engine, with one robot each."""
 
+import functools
+
 import numpy as np
 
 from sim_node.batched.engine import Robots, advance_group
@@ -10,6 +12,7 @@ from sim_node.model.terrain import parse_terrain
 from sim_node.numerics.jit import compiled
 from snca_ros.cell.architecture import Architecture
 from snca_ros.cell.cell_lanes import make_cells, step_group
+from snca_ros.evolution.conditions import Conditions
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.episode import EPISODE, Episode, Records, record
 from snca_ros.evolution.tasks import check_task
@@ -108,21 +111,20 @@ class SideBySide:
 
     def __init__(self, config: RunConfig) -> None:
         self._config, self._records = config, check_task(config.task).records
-        self._morphology = parse_morphology(config.shape)
-        self._terrain = parse_terrain(config.terrain)
-        self._robots: dict[int, Robots] = {}
+        self._robots = functools.lru_cache(maxsize=8)(self._make_robots)
 
     def __call__(
-        self, candidates: np.ndarray, width: int, duration: float, push: int
+        self, candidates: np.ndarray, width: int, duration: float, conditions: Conditions
     ) -> list[Episode]:
         """Return an episode of each of (n, n_parameters) candidates, n <= `width`."""
-        config, morphology = self._config, self._morphology
-        if width not in self._robots:
-            self._robots[width] = Robots(
-                morphology, self._terrain, config.material, config.solver, width,
-                sensors=config.architecture.sensors,
-            )
+        robots = self._robots(conditions.shape, conditions.terrain, width)
         return run_episodes(
-            self._robots[width], config.architecture, morphology, candidates, duration, push,
-            self._records,
+            robots, self._config.architecture, parse_morphology(conditions.shape), candidates,
+            duration, conditions.push, self._records,
+        )
+
+    def _make_robots(self, shape: str, terrain: str, width: int) -> Robots:
+        return Robots(
+            parse_morphology(shape), parse_terrain(terrain), self._config.material,
+            self._config.solver, width, sensors=self._config.architecture.sensors,
         )

@@ -12,6 +12,7 @@ from sim_node.control_time import CONTROL_RATE
 from sim_node.engine import ENGINES, Engine
 from sim_node.numerics.jit import warm_up
 from snca_ros.controller import Controller
+from snca_ros.evolution.conditions import Conditions
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.episode import Episode, run_episode
 from snca_ros.evolution.episode_lanes import SideBySide
@@ -23,7 +24,7 @@ class GroupRunner(Protocol):
     """Runs episodes of several candidates of a run."""
 
     def __call__(
-        self, candidates: np.ndarray, width: int, duration: float, push: int
+        self, candidates: np.ndarray, width: int, duration: float, conditions: Conditions
     ) -> Iterable[Episode]:
         """Return an episode of each of (n, n_parameters) candidates, n <= `width`.
 
@@ -31,7 +32,7 @@ class GroupRunner(Protocol):
             candidates: their parameters.
             width: number of robots side by side, one of the engine's `lanes`.
             duration: of the episodes [s].
-            push: 0, or the seed of a pushed start.
+            conditions: of the episodes.
         """
 
 
@@ -43,16 +44,18 @@ class OneByOne:
     """
 
     def __init__(self, config: RunConfig) -> None:
-        self._config, self._simulation = config, config.simulation()
-        self._records = check_task(config.task).records
+        self._config, self._records = config, check_task(config.task).records
+        self._simulation = functools.lru_cache(maxsize=1)(config.simulation)
 
     def __call__(
-        self, candidates: np.ndarray, width: int, duration: float, push: int
+        self, candidates: np.ndarray, width: int, duration: float, conditions: Conditions
     ) -> Iterator[Episode]:
         """Yield an episode of each of (n, n_parameters) candidates, n of any size."""
-        simulation = self._config.simulation(push) if push else self._simulation
+        simulation = self._simulation(conditions)
         for candidate in candidates:
-            controller = Controller(self._config.architecture, simulation.morphology, candidate)
+            controller = Controller(
+                self._config.architecture, simulation.morphology, candidate, conditions.faults
+            )
             yield run_episode(simulation, controller, duration, self._records)
 
 
@@ -78,20 +81,24 @@ class Evaluator:
         self._lanes, self._run = engine.lanes, GROUP_RUNNERS.get(engine, OneByOne)(config)
         self._ready: set[int] = set()
 
-    def __call__(self, candidates: np.ndarray, push: int = 0) -> list[Scored]:
+    def __call__(
+        self, candidates: np.ndarray, conditions: Conditions | None = None
+    ) -> list[Scored]:
         """Return the score of each of (n, n_parameters) candidates; -inf if it diverged.
 
         Args:
             candidates: their parameters. If the engine steps robots side by side, n is at most
                 the last of its `lanes`.
-            push: 0, or the seed of a pushed start, the same for all; see `Simulation`.
+            conditions: of their episodes, the same for all; None for those of the run.
         """
         config, width = self.config, group_width(self._lanes, len(candidates))
+        conditions = conditions or config.conditions()
         if width not in self._ready:  # only one of a machine's workers compiles
             name = f'episode-{config.engine}-{width}-{len(self._task.records)}'
-            warm_up(name, lambda: list(self._run(candidates, width, 2.0 / CONTROL_RATE, 0)))
+            brief = 2.0 / CONTROL_RATE
+            warm_up(name, lambda: list(self._run(candidates, width, brief, conditions)))
             self._ready.add(width)
-        episodes = self._run(candidates, width, config.duration, push)
+        episodes = self._run(candidates, width, config.duration, conditions)
         return [score_of(self._task, episode, config.transient) for episode in episodes]
 
 
@@ -101,7 +108,8 @@ def group_width(lanes: Sequence[int], n: int) -> int:
 
 
 def evaluate(
-    workers: Workers, config: RunConfig, candidates: np.ndarray, push: int = 0
+    workers: Workers, config: RunConfig, candidates: np.ndarray,
+    conditions: Conditions | None = None,
 ) -> Iterator[Scored]:
     """Yield the score of each of (n, n_parameters) candidates, in their order.
 
@@ -111,19 +119,21 @@ def evaluate(
         workers: workers that evaluate.
         config: configuration of the run.
         candidates: their parameters.
-        push: 0, or the seed of a pushed start.
+        conditions: of their episodes; None for those of the run.
     """
     lanes = ENGINES.find(config.engine).lanes
     size = group_width(lanes, -(-len(candidates) // workers.count()))
     groups = [candidates[i : i + size] for i in range(0, len(candidates), size)]
-    futures = [workers.executor.submit(score, config, group, push) for group in groups]
+    futures = [workers.executor.submit(score, config, group, conditions) for group in groups]
     for future in futures:
         yield from future.result()
 
 
-def score(config: RunConfig, candidates: np.ndarray, push: int = 0) -> list[Scored]:
+def score(
+    config: RunConfig, candidates: np.ndarray, conditions: Conditions | None
+) -> list[Scored]:
     """Return the score of each of a group of candidates; see `Evaluator`."""
-    return _evaluator(config, threading.get_ident())(candidates, push)
+    return _evaluator(config, threading.get_ident())(candidates, conditions)
 
 
 @functools.lru_cache(maxsize=2)

@@ -134,7 +134,7 @@ def test_runs_evolve_in_it_and_their_best_is_assessed_in_it(config, tmp_path):
     assert 'sledge' in config.name
     trial = Trial(trained, 'flat', 'sledge', duration=1.0, transient=0.2)
     assert score(trial).score == trained.fitness
-    pushed, = evaluate(IN_PROCESS, config, best, 5)
+    pushed, = evaluate(IN_PROCESS, config, best, config.conditions(5))
     assert score(replace(trial, start=5)) == pushed
 
 

@@ -215,7 +215,8 @@ def test_pushed_starts_are_those_of_the_simulation(engine):
     thetas = np.random.default_rng(0).uniform(-1.0, 1.0, (3, config.n_parameters))
     pushes = (0, 3, 101, 0)
     found = [
-        [one.score for one in evaluate(IN_PROCESS, config, thetas, push)] for push in pushes
+        [one.score for one in evaluate(IN_PROCESS, config, thetas, config.conditions(push))]
+        for push in pushes
     ]
     for push, of_push in zip(pushes, found, strict=True):
         simulation = Simulation('worm-3x1', engine=engine, push=push)
