@@ -36,7 +36,7 @@ terrain has the mean over its seeds, and a row `MEAN` has the mean over the terr
 MEAN = 'mean'
 
 FAULTY_STARTS = 9
-"""Default number of pushed starts in a fault sweep, besides the exact one."""
+"""Default number of pushed starts in a fault sweep or a transfer, besides the exact one."""
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,9 @@ def test_a_killed_voxel_is_named(start, make_controller):
 
 @pytest.mark.parametrize(('given', 'expected'), [
     (['nobody'], ['controller', "'nobody'"]),
-    (['CONTROLLER', '--shape', 'comb'], ['morphology', "'11-10'", 'comb']),
+    (['CONTROLLER', '--shape', 'cob'], ['morphology', "'cob'", "'comb'"]),
+    (['CONTROLLER', '--without', 'voxel_1_0'], ['voxel', "'voxel_1_0'", '11-10']),
+    (['CONTROLLER', '--without', 'voxel_0_1'], ['without', "'voxel_0_1'", 'one connected piece']),
     (['CONTROLLER', '--terrain', 'hily'], ['terrain', "'hily'", 'hilly']),
     (['CONTROLLER', '--duration', '-1'], ['duration', '-1']),
     (['CONTROLLER', '--voxels-per-process', '0'], ['--voxels-per-process', '0', 'from 1 to 1000']),
