@@ -44,7 +44,7 @@ class Trial:
     """One episode of a trained controller.
 
     Attributes:
-        trained: the controller, and the body that it was trained for.
+        trained: the controller in its body.
         terrain: name of the terrain.
         engine: one of `sim_node.engine.ENGINES`.
         start: 0, or the seed of a pushed start, see `Simulation`.

@@ -70,6 +70,8 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 def _print_operations(recording: Recording, gait: Gait, controller: str) -> dict | None:
     """Print operations and energy of the cells; return the operations, None if unknown."""
     trained = in_body_of(recording, load_controller(find_controller(controller)))
+    if trained.home:
+        print(f'\n{controller}, {trained.evolved}, in the body of the bag', flush=True)
     operations = count_operations(trained, recording.readings, recording.spikes)
     if operations is None:
         return None

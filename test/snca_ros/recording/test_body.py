@@ -59,6 +59,7 @@ def test_a_bag_is_read_with_the_controller_from_which_its_body_was_made(
     assert main(command) == 0
     out = capsys.readouterr().out
     assert f'body       {recording.body.label}\n' in out
+    assert f'{tmp_path / "own.npz"}, evolved as 11-10 on flat, in the body of the bag\n' in out
     report = json.loads(numbers.read_text())
     assert report['body'] == trained.morphology.grid_string
     assert report['missing'] == list(trained.morphology.missing_names)
