@@ -54,7 +54,8 @@ def test_walk_in_another_body_equals_its_offline_twin(
 ):
     path = make_controller('11-10', architecture)
     words = [word for name, value in options.items() for word in (f'--{name}', value)]
-    child = start('walk', path, '--duration', 1.5, '--bag', 'bag', '--json', 'walk.json', *words)
+    child = start('walk', path, '--duration', 1.5, '--bag', 'bag', '--json', 'walk.json',
+                  '--voxels-per-process', 3, *words)
     output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode == 0, output
     assert '91 positions of the centre, bit for bit the same' in output
