@@ -55,7 +55,10 @@ ROOMS = {
     'firmware': Room(('snca_ros.firmware.*',), ('controller',)),
     'evolution': Room(('snca_ros.evolution.*',), ('controller',)),
     'controller': Room(
-        ('snca_ros.controller', 'snca_ros.controller_file', 'snca_ros.faults', 'snca_ros.bundled'),
+        (
+            'snca_ros.controller', 'snca_ros.controller_file', 'snca_ros.versions',
+            'snca_ros.faults', 'snca_ros.bundled',
+        ),
         ('cell', 'simulation', 'tasks'),
         'All cells of a robot, the files that hold them, and what can go wrong with them.',
     ),

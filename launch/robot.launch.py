@@ -21,7 +21,7 @@ from launch_ros.actions import Node
 from launch import LaunchDescription
 from sim_node.model.constants import declaration, describe, value_of
 from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
-from snca_ros.controller_file import load_controller
+from snca_ros.controller_file import load_controller, save_controller
 from snca_ros.faults import FAULTS_HELP, parse_faults
 from snca_ros.files import write_text
 from snca_ros.graph.child_process import PARENT
@@ -36,6 +36,8 @@ def _declared(name, more=''):
 
 ARGUMENTS = {
     'controller': (DEFAULT_CONTROLLER, 'controller file, or the name of a bundled one'),
+    'shape': ('', 'another body for a uniform controller, such as tripod'),
+    'without': ('', 'voxels to leave out of the body: voxel_1_1,voxel_2_1,...'),
     'robot': ('', 'namespace of the robot; default: the name of its shape'),
     'terrain': ('', 'name of the terrain; default: the terrain of the controller file'),
     'duration': _declared('duration', '; 0: until stopped'),
@@ -61,8 +63,15 @@ def _nodes(context):
             for name in ('duration', 'real_time_factor', 'voxels_per_process', 'storage')
         },
     )
-    graph = describe_graph(path, load_controller(path), options)
-    params = Path(tempfile.mkdtemp(prefix='snca_ros_')) / 'params.yaml'
+    own = load_controller(path)
+    trained = own.in_body(value['shape']).without(value['without'])
+    describe_graph(path, trained, options)  # raises InvalidInput before a folder is made
+    folder = Path(tempfile.mkdtemp(prefix='snca_ros_'))
+    if trained is not own:
+        path = folder / path.name
+        save_controller(path, trained)
+    graph = describe_graph(path, trained, options)
+    params = folder / 'params.yaml'
     write_text(params, graph.parameters_yaml())
 
     def clean_up(event, context):

@@ -3,11 +3,9 @@
 The body part of the format is read by `sim_node.model.body_file`.
 """
 
-import functools
 import json
-import subprocess
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
-from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,29 +19,30 @@ from sim_node.model.body_file import (
     check_size,
     check_version,
     field_of,
+    header_of_morphology,
+    morphology_of,
     read_archive,
 )
 from sim_node.model.material import Material
-from sim_node.model.morphology import Morphology
+from sim_node.model.morphology import Morphology, parse_morphology
 from sim_node.model.solver import Solver
 from sim_node.model.terrain import DEFAULT_TERRAIN
-from snca_ros import __version__
 from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller
 from snca_ros.evolution.tasks import DEFAULT_TASK, TASKS
 from snca_ros.faults import NO_FAULTS, Faults
 from snca_ros.files import write_atomically
+from snca_ros.versions import package_versions
 
 if TYPE_CHECKING:
     from sim_node.simulation import Simulation
 
-_GIT_LIMIT = 30.0  # s
 _FIELDS = (
     'format_version', 'architecture', 'morphology', 'terrain', 'material', 'solver',
     'fitness', 'seed', 'evaluations', 'versions', 'chosen_by', 'sensors', 'task', 'scores',
-    'wall_time',
+    'wall_time', 'home',
 )
-_FIELDS_1 = (*_FIELDS[:-4], 'v_x')  # version 1, whose task is walking
+_FIELDS_1 = (*_FIELDS[:-5], 'v_x')  # version 1, whose task is walking
 
 
 @dataclass(frozen=True, repr=False)
@@ -64,7 +63,10 @@ class TrainedController:
         wall_time: time [s] at which the robot met the wall at the end of the ground in the episode
             of `fitness`; None if it did not. Then the file does not have this field.
         seed, evaluations: seed and number of evaluations of the run.
-        versions: versions of the packages that were used, by name, and 'code', see `code_version`.
+        versions: versions of the packages that were used, by name, and 'code', see
+            `snca_ros.versions.code_version`.
+        home: morphology of the evolution if the robot has another one now, see `in_body`; else
+            None, and the file does not have this field. `fitness` and `scores` are of that body.
 
     Raises:
         InvalidInput: the task is not registered in this process.
@@ -84,6 +86,7 @@ class TrainedController:
     task: str = DEFAULT_TASK
     scores: dict[str, float] = field(default_factory=dict)
     wall_time: float | None = None
+    home: Morphology | None = None
 
     def __post_init__(self) -> None:
         check_name('task', self.task, TASKS)
@@ -91,9 +94,9 @@ class TrainedController:
     def __repr__(self) -> str:
         cell = self.architecture
         return (
-            f'TrainedController({self.morphology.name}, {self.morphology.n_voxels} voxels, '
-            f'{cell.name} {cell.neuron_model}, {len(self.parameters)} parameters, evolved on '
-            f'{self.terrain} to {self.achieved})'
+            f'TrainedController({self.morphology.label}, {self.morphology.n_voxels} voxels, '
+            f'{cell.name} {cell.neuron_model}, {len(self.parameters)} parameters, {self.evolved} '
+            f'to {self.achieved})'
         )
 
     @property
@@ -105,6 +108,51 @@ class TrainedController:
         task = TASKS.find(self.task)
         wall = '' if self.wall_time is None else f' (met the wall at {self.wall_time:.2f} s)'
         return f'{task.quantity} {task.in_unit(self.fitness)}{wall}'
+
+    @property
+    def evolved(self) -> str:
+        """Return where it was evolved: 'evolved on flat', or 'evolved as biped on flat'."""
+        return f'evolved {f"as {self.home.label} " if self.home else ""}on {self.terrain}'
+
+    def in_body(self, body: str | Morphology) -> 'TrainedController':
+        """Return the controller in another body.
+
+        Each voxel of the body has the cell of a uniform controller. The cells of a non-uniform one
+        fit its own body alone, which may lack voxels: the others keep their parameters.
+
+        Args:
+            body: a shape or grid as for `parse_morphology`, '' for its own body; or a morphology.
+
+        Raises:
+            InvalidInput: there is no such shape, or the controller is non-uniform and was evolved
+                for other voxels.
+        """
+        if not body:
+            return self
+        morphology = parse_morphology(body) if isinstance(body, str) else body
+        own, home = self.morphology, self.home or self.morphology
+        if morphology.grid_string == own.grid_string:
+            return self
+        parameters = self.parameters
+        if not self.architecture.uniform:
+            if morphology.complete != own.complete or not {*morphology.squares} < {*own.squares}:
+                expected = f'{own.grid_string}, or less of it, since each cell has its own weights'
+                raise InvalidInput('shape', morphology.grid_string, expected)
+            kept = [own.squares.index(square) for square in morphology.squares]
+            parameters = parameters.reshape(own.n_voxels, -1)[kept].ravel()
+        away = None if morphology.grid_string == home.grid_string else home
+        return replace(self, morphology=morphology, parameters=parameters, home=away)
+
+    def without(self, names: str | Iterable[str]) -> 'TrainedController':
+        """Return the controller in its body without some voxels; the others keep their names.
+
+        Args:
+            names: names of voxels, or a text with commas between them; none or '' for all voxels.
+
+        Raises:
+            InvalidInput: there is no such voxel, or the others are not one connected piece.
+        """
+        return self.in_body(self.morphology.without(names))
 
     def in_arithmetic(self, name: str) -> 'TrainedController':
         """Return the controller with cells that compute in another arithmetic.
@@ -148,51 +196,6 @@ class TrainedController:
         )
 
 
-_CODE = 'sim_node', 'snca_ros'  # folders of a checkout that determine the result of an episode
-
-
-@functools.cache
-def code_version() -> str:
-    """Return the version of the code: the commit that last changed it, or the package version.
-
-    In a git checkout it is the first 12 digits of the last commit that changed one of the two
-    packages, with '-dirty' if they have changes that are not committed. Commits of documents or
-    results do not change it. Elsewhere, or without git, it is the version of the package. The
-    result is cached.
-    """
-    root = Path(__file__).resolve().parents[1]
-    if (root / '.git').exists():
-        git = ['git', '--no-optional-locks', '-C', str(root)]
-        try:
-            commit, changes = (
-                subprocess.run(
-                    [*git, *command, '--', *_CODE],
-                    capture_output=True, text=True, check=True, timeout=_GIT_LIMIT,
-                ).stdout.strip()
-                for command in (
-                    ('log', '-1', '--format=%h', '--abbrev=12'),
-                    ('status', '--porcelain', '--untracked-files=no'),
-                )
-            )
-        except (OSError, subprocess.SubprocessError):
-            commit = ''
-        if commit:
-            return f'{commit}-dirty' if changes else commit
-    return __version__
-
-
-@functools.cache
-def package_versions() -> dict[str, str]:
-    """Return the versions of the code and of packages that determine the result of an episode."""
-    versions = {'code': code_version()}
-    for name in ('snca_ros', 'numpy', 'numba', 'pymunk'):
-        try:
-            versions[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            versions[name] = 'not installed'
-    return versions
-
-
 def save_controller(path: Path | str, trained: TrainedController) -> None:
     """Write `trained` to `path`, atomically.
 
@@ -206,7 +209,7 @@ def save_controller(path: Path | str, trained: TrainedController) -> None:
         'format_version': FORMAT_VERSION,
         'sensors': cells.pop('sensors'),
         'architecture': cells,
-        'morphology': {'name': trained.morphology.name, 'grid': trained.morphology.grid_string},
+        'morphology': header_of_morphology(trained.morphology),
         'terrain': trained.terrain,
         'material': asdict(trained.material),
         'solver': asdict(trained.solver),
@@ -220,6 +223,8 @@ def save_controller(path: Path | str, trained: TrainedController) -> None:
     }
     if trained.wall_time is not None:
         header['wall_time'] = float(trained.wall_time)
+    if trained.home is not None:
+        header['home'] = header_of_morphology(trained.home)
     text = np.array(json.dumps(header))
     write_atomically(
         Path(path), lambda file: np.savez_compressed(file, header=text, theta=trained.parameters)
@@ -288,4 +293,5 @@ def _checked(header: dict, theta: np.ndarray) -> TrainedController:
         scores=_scores(header.get('v_x', {}), 'v_x') if is_old
         else _scores(header.get('scores'), 'scores'),
         wall_time=field_of(header, 'wall_time', float) if 'wall_time' in header else None,
+        home=morphology_of(header, 'home') if 'home' in header else None,
     )

@@ -75,8 +75,8 @@ def test_every_argument_is_declared_as_text_with_a_description(description):
     *declared, opaque = description.arguments[0]
     assert type(opaque).__name__ == 'OpaqueFunction'
     assert [a.arguments[0] for a in declared] == [
-        'controller', 'robot', 'terrain', 'duration', 'real_time_factor', 'voxels_per_process',
-        'bag', 'storage', 'faults',
+        'controller', 'shape', 'without', 'robot', 'terrain', 'duration', 'real_time_factor',
+        'voxels_per_process', 'bag', 'storage', 'faults',
     ]
     for argument in declared:
         assert isinstance(argument.named['default_value'], str)
@@ -125,6 +125,18 @@ def test_parameters_are_those_of_walk(launch, controller, tmp_path):
     assert ends_the_launch(nodes) == ['recorder_node', 'sim_node']
 
 
+def test_nodes_load_the_controller_in_its_other_body(launch, temporary):
+    clean_up, nodes = launch(shape='111', without='voxel_0_0')
+    given = yaml.safe_load(params_of(nodes).read_text())
+    assert [n['arguments'] for n in nodes[1:]] == [['voxel_1_0'], ['voxel_2_0']]
+    assert given['/robot_111/sim_node']['ros__parameters']['morphology'] == 'x11'
+    path = given['/robot_111/voxel_1_0']['ros__parameters']['controller']
+    trained = load_controller(path)
+    assert (trained.morphology.grid_string, trained.home.grid_string) == ('x11', '11-10')
+    clean_up('event', 'context')
+    assert list(temporary.iterdir()) == []
+
+
 def test_defaults_are_the_bundled_biped_for_half_a_minute(description, temporary):
     *_, opaque = description.arguments[0]
     _, *nodes = opaque.named['function'](defaults(description))
@@ -161,6 +173,9 @@ def test_somebody_else_may_have_cleaned_up(launch):
     ('faults', 'nowhere.yaml', 'nowhere.yaml'),
     ('faults', 'death=voxel_9_9', "death: voxel: got 'voxel_9_9', expected"),
     ('faults', 'broken_sensors=zero:voxel_9_9', "broken_sensors: voxel: got 'voxel_9_9', expected"),
+    ('shape', 'bipd', "morphology: got 'bipd', .*did you mean 'biped'"),
+    ('without', 'voxel_0_1', "without: got 'voxel_0_1', expected voxels of 11-10 without which"),
+    ('without', 'voxel_9_9', "voxel: got 'voxel_9_9', expected"),
     ('terrain', 'hily-1-10-0', "terrain: got 'hily-1-10-0', .*did you mean 'hilly'"),
     ('duration', '-1', 'duration: got -1.0, expected a number from 0 to 100000'),
     ('duration', 'nan', 'duration: got nan, expected a number from 0 to 100000'),

@@ -6,7 +6,7 @@ describes the cells, is read by `snca_ros.controller_file`.
 
 import json
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -135,14 +135,27 @@ def field_of(values: dict, name: str, kinds: type | tuple[type, ...], outer: str
 
 def body_of(header: dict) -> BodyPart:
     """Return the body part of a header; InvalidInput if one of its fields is invalid."""
-    shape = field_of(header, 'morphology', dict)
-    check_keys('morphology', shape, ('name', 'grid'))
-    name = field_of(shape, 'name', str, 'morphology.')
     named = header['format_version'] > 1  # files of version 1 name no sensors
     return BodyPart(
-        Morphology(name, parse_morphology(shape.get('grid', '')).squares),
+        morphology_of(header, 'morphology'),
         parse_terrain(field_of(header, 'terrain', str)).name,
         Material.from_dict(field_of(header, 'material', dict)),
         Solver.from_dict(field_of(header, 'solver', dict)),
         check_sensors(field_of(header, 'sensors', list) if named else DEFAULT_SENSORS),
     )
+
+
+def morphology_of(header: dict, field: str) -> Morphology:
+    """Return the morphology in a field of a header; InvalidInput if it is invalid."""
+    shape = field_of(header, field, dict)
+    check_keys(field, shape, ('name', 'grid'))
+    name = field_of(shape, 'name', str, f'{field}.')
+    try:
+        return replace(parse_morphology(shape.get('grid', '')), name=name)
+    except InvalidInput as error:
+        raise InvalidInput(f'{field}.grid', error.value, error.expected) from None
+
+
+def header_of_morphology(morphology: Morphology) -> dict[str, str]:
+    """Return a morphology as `morphology_of` reads it."""
+    return {'name': morphology.name, 'grid': morphology.grid_string}

@@ -1,8 +1,8 @@
 """Morphologies: the voxels on a grid, their names and their neighbours."""
 
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -44,10 +44,13 @@ class Morphology:
         name: the text that it was parsed from ('biped', 'comb-7x2', or the grid string).
         squares: (x, y) of every voxel, x from the left, y from the bottom, row by row from the
             bottom. A voxel's position in this tuple is its index in all arrays.
+        missing: (x, y) of voxels that were left out, in the same order. They have no index, and the
+            others keep the coordinates, and so the names, that they have in the complete body.
     """
 
     name: str
     squares: tuple[tuple[int, int], ...]
+    missing: tuple[tuple[int, int], ...] = ()
 
     def __repr__(self) -> str:
         n = f'{self.n_voxels} voxel{"" if self.n_voxels == 1 else "s"}'
@@ -60,18 +63,33 @@ class Morphology:
 
     @property
     def width(self) -> int:
-        """Return the number of columns."""
-        return max(x for x, _ in self.squares) + 1
+        """Return the number of columns of the grid."""
+        return max(x for x, _ in self.complete) + 1
 
     @property
     def height(self) -> int:
-        """Return the number of rows."""
-        return max(y for _, y in self.squares) + 1
+        """Return the number of rows of the grid."""
+        return max(y for _, y in self.complete) + 1
+
+    @cached_property
+    def complete(self) -> tuple[tuple[int, int], ...]:
+        """Return (x, y) of the voxels and the missing ones, row by row from the bottom."""
+        return _row_by_row((*self.squares, *self.missing))
 
     @cached_property
     def voxel_names(self) -> tuple[str, ...]:
         """Return `voxel_<x>_<y>` of every voxel, in index order."""
-        return tuple(f'voxel_{x}_{y}' for x, y in self.squares)
+        return _names(self.squares)
+
+    @property
+    def missing_names(self) -> tuple[str, ...]:
+        """Return `voxel_<x>_<y>` of every missing voxel."""
+        return _names(self.missing)
+
+    @property
+    def label(self) -> str:
+        """Return the name with the missing voxels: 'biped without voxel_0_0, voxel_3_0'."""
+        return f'{self.name} without {", ".join(self.missing_names)}' if self.missing else self.name
 
     @cached_property
     def neighbors(self) -> np.ndarray:
@@ -85,11 +103,14 @@ class Morphology:
 
     @cached_property
     def grid_string(self) -> str:
-        """Return the rows from top to bottom, in the paper's notation, such as '1111-1111-1001'."""
-        occupied = set(self.squares)
+        """Return the rows from top to bottom, in the paper's notation, such as '1111-1111-1001'.
+
+        A missing voxel is an x: '1111-1111-x001'.
+        """
+        marks = {**dict.fromkeys(self.squares, '1'), **dict.fromkeys(self.missing, 'x')}
         rows = range(self.height - 1, -1, -1)
         return '-'.join(
-            ''.join('1' if (x, y) in occupied else '0' for x in range(self.width)) for y in rows
+            ''.join(marks.get((x, y), '0') for x in range(self.width)) for y in rows
         )
 
     def index_of(self, voxel_name: str) -> int:
@@ -105,13 +126,31 @@ class Morphology:
         """Return whether both have the same voxels; names are not compared."""
         return self.squares == other.squares
 
+    def without(self, names: str | Iterable[str]) -> 'Morphology':
+        """Return the body without some voxels, which become `missing`.
+
+        Args:
+            names: names of voxels, or a text with commas between them; none or '' for all voxels.
+
+        Raises:
+            InvalidInput: there is no such voxel, or the others are not one connected piece.
+        """
+        if isinstance(names, str):
+            names = names.split(',') if names else ()
+        lost = {self.squares[self.index_of(name)] for name in names}
+        left = [square for square in self.squares if square not in lost]
+        if not left or _reachable(left) != set(left):
+            expected = f'voxels of {self.name} without which the others are one connected piece'
+            raise InvalidInput('without', ','.join(_names(_row_by_row(lost))), expected)
+        return replace(self, squares=tuple(left), missing=_row_by_row((*self.missing, *lost)))
+
 
 def parse_morphology(text: str) -> Morphology:
     """Return the morphology described by `text`.
 
     Args:
         text: a shape ('biped', 'comb-9x3', 'ball-5') or a grid string, rows from top to bottom
-            ('1111-1111-1001').
+            ('1111-1111-1001'), with an x for a missing voxel ('1111-1111-x001').
 
     Raises:
         InvalidInput: the shape is unknown, the size is not allowed, or the voxels are not one
@@ -119,8 +158,8 @@ def parse_morphology(text: str) -> Morphology:
     """
     if not isinstance(text, str):
         raise InvalidInput('morphology', text, 'a string such as biped or 1111-1111-1001')
-    if re.fullmatch(r'[01]+(-[01]+)*', text):
-        return Morphology(text, _squares_of_grid(text))
+    if re.fullmatch(r'[01x]+(-[01x]+)*', text):
+        return Morphology(text, *_squares_of_grid(text))
     kind, dash, size = text.partition('-')
     if kind not in _GENERATORS:
         expected = (
@@ -131,7 +170,7 @@ def parse_morphology(text: str) -> Morphology:
     w, h = _parse_size(text, kind, size if dash else _DEFAULT_SIZE.get(kind, ''))
     is_voxel = _GENERATORS[kind]
     rows = (''.join('1' if is_voxel(x, y, w, h) else '0' for x in range(w)) for y in range(h))
-    return Morphology(text, _squares_of_grid('-'.join(reversed(list(rows))), text))
+    return Morphology(text, *_squares_of_grid('-'.join(reversed(list(rows))), text))
 
 
 def _parse_size(text: str, kind: str, size: str) -> tuple[int, int]:
@@ -147,23 +186,34 @@ def _parse_size(text: str, kind: str, size: str) -> tuple[int, int]:
     return w, h
 
 
-def _squares_of_grid(grid: str, text: str | None = None) -> tuple[tuple[int, int], ...]:
+def _squares_of_grid(grid: str, text: str | None = None) -> tuple[tuple[tuple[int, int], ...], ...]:
+    """Return the squares of the voxels and of the missing ones."""
     text = text or grid
     rows = grid.split('-')
     if len({len(row) for row in rows}) != 1:
         raise InvalidInput('morphology', text, 'rows of equal length')
     if len(rows) > _MAX_SIDE or len(rows[0]) > _MAX_SIDE:
         raise InvalidInput('morphology', text, f'at most {_MAX_SIDE} rows and columns')
-    height = len(rows)
-    squares = [
-        (x, y) for y in range(height) for x, c in enumerate(rows[height - 1 - y]) if c == '1'
+    marked = [
+        (x, y, c) for y, row in enumerate(reversed(rows)) for x, c in enumerate(row) if c != '0'
     ]
+    squares = [(x, y) for x, y, c in marked if c == '1']
     if not squares:
         raise InvalidInput('morphology', text, 'at least one voxel (1)')
     if _reachable(squares) != set(squares):
         raise InvalidInput('morphology', text, 'voxels that form one connected piece')
-    x0, y0 = min(x for x, _ in squares), min(y for _, y in squares)
-    return tuple((x - x0, y - y0) for x, y in squares)
+    x0, y0 = min(x for x, _, _ in marked), min(y for _, y, _ in marked)
+    return tuple(
+        tuple((x - x0, y - y0) for x, y, c in marked if c == kind) for kind in ('1', 'x')
+    )
+
+
+def _row_by_row(squares: Iterable[tuple[int, int]]) -> tuple[tuple[int, int], ...]:
+    return tuple(sorted(squares, key=lambda square: square[::-1]))
+
+
+def _names(squares: Iterable[tuple[int, int]]) -> tuple[str, ...]:
+    return tuple(f'voxel_{x}_{y}' for x, y in squares)
 
 
 def _reachable(squares: list[tuple[int, int]]) -> set[tuple[int, int]]:

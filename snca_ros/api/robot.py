@@ -21,7 +21,7 @@ from snca_ros.recording.offline import record_episode
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Robot:
-    """A trained robot: a body and the cells that were evolved for it, from `load` or `evolve`.
+    """A trained robot: a body and cells, from `load` or `evolve`.
 
     Attributes:
         trained: the contents of its controller file.
@@ -50,6 +50,34 @@ class Robot:
     def terrain(self) -> str:
         """Return the name of the terrain on which it was evolved."""
         return self.trained.terrain
+
+    def in_body(self, body: str | Morphology) -> 'Robot':
+        """Return the robot in another body, each voxel of which has the cell of this one.
+
+        Args:
+            body: name such as 'tripod' or 'comb-9x3', a grid such as '1111-1001', or a morphology.
+
+        Raises:
+            InvalidInput: there is no such shape, or the cells are non-uniform, each for its voxel.
+        """
+        trained = self.trained.in_body(body)
+        if trained is self.trained:
+            return self
+        return Robot(trained, f'{self.name} in {trained.morphology.label}')
+
+    def without(self, *voxels: str) -> 'Robot':
+        """Return the robot without some voxels; the others keep their names and their cells.
+
+        Args:
+            voxels: their names, such as 'voxel_1_1'.
+
+        Raises:
+            InvalidInput: there is no such voxel, or the others are not one connected piece.
+        """
+        trained = self.trained.without(voxels)
+        if trained is self.trained:
+            return self
+        return Robot(trained, f'{self.name} without {", ".join(voxels)}')
 
     def run(
         self,
@@ -95,9 +123,8 @@ class Robot:
     def __repr__(self) -> str:
         trained, cell = self.trained, self.architecture
         return (
-            f"Robot('{self.name}': {self.morphology.name}, {self.morphology.n_voxels} voxels, "
-            f'{cell.name} {cell.neuron_model}, evolved on {trained.terrain} to '
-            f'{trained.achieved})'
+            f"Robot('{self.name}': {self.morphology.label}, {self.morphology.n_voxels} voxels, "
+            f'{cell.name} {cell.neuron_model}, {trained.evolved} to {trained.achieved})'
         )
 
 

@@ -1,11 +1,13 @@
-"""Figures of scores: per terrain, and as a function of the value of a fault."""
+"""Figures of scores: per terrain, as a function of the value of a fault, and per body."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from snca_ros.assessment.fault_sweep import Sweep
+from snca_ros.assessment.transfer import Transfer
 from snca_ros.assessment.trials import summary
 from snca_ros.evolution.tasks import Task
 from snca_ros.figures import as_label, legend_above, own_style
@@ -72,4 +74,36 @@ def draw_sweeps(
     for axes in panels[::n_columns]:
         axes.set_ylabel(task.label, fontsize=8)
     legend_above(panels[0], 1.04)
+    return figure
+
+
+@own_style()
+def draw_transfer(transfer: Transfer, means: np.ndarray, task: Task) -> Figure:
+    """Return a heat map of mean scores of controllers in bodies; a frame marks the own body.
+
+    Args:
+        transfer: controllers in bodies.
+        means: (n_controllers, n_bodies); NaN where a controller does not fit.
+        task: task of the scores.
+    """
+    n_rows, n_columns = means.shape
+    longest = max(map(len, transfer.names))
+    size = 1.8 + 0.075 * longest + 0.75 * n_columns, 1.5 + 0.4 * n_rows
+    figure = Figure(figsize=size, layout='constrained')
+    axes = figure.subplots()
+    finite = means[np.isfinite(means)]
+    middle = (finite.min() + finite.max()) / 2.0 if len(finite) else 0.0
+    axes.set_facecolor('0.9')
+    image = axes.imshow(np.ma.masked_invalid(means), aspect='auto', cmap='viridis')
+    for (i, j), mean in np.ndenumerate(means):
+        dark = np.isfinite(mean) and mean < middle
+        text = '–' if np.isnan(mean) else f'{mean:.2f}'
+        axes.text(j, i, text, ha='center', va='center', fontsize=8, color='w' if dark else 'k')
+        if transfer.home[i, j]:
+            frame = Rectangle((j - 0.46, i - 0.45), 0.92, 0.9, fill=False, edgecolor='r')
+            axes.add_patch(frame).set_linewidth(2.0)
+    axes.set_xticks(range(n_columns), map(as_label, transfer.labels), fontsize=8, rotation=30,
+                    ha='right', rotation_mode='anchor')
+    axes.set_yticks(range(n_rows), map(as_label, transfer.names), fontsize=8)
+    figure.colorbar(image, label=task.label)
     return figure

@@ -36,7 +36,7 @@ terrain has the mean over its seeds, and a row `MEAN` has the mean over the terr
 MEAN = 'mean'
 
 FAULTY_STARTS = 9
-"""Default number of pushed starts in a fault sweep, besides the exact one."""
+"""Default number of pushed starts in a fault sweep or a transfer, besides the exact one."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Trial:
     """One episode of a trained controller.
 
     Attributes:
-        trained: the controller, and the body that it was trained for.
+        trained: the controller in its body.
         terrain: name of the terrain.
         engine: one of `sim_node.engine.ENGINES`.
         start: 0, or the seed of a pushed start, see `Simulation`.

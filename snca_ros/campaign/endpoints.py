@@ -12,12 +12,7 @@ from sim_node.model.terrain import DEFAULT_TERRAIN_SET, TERRAIN_SETS, UNSEEN_KIN
 from sim_node.simulation import Diverged
 from snca_ros.assessment.trials import Trial, score, summary
 from snca_ros.campaign.columns import COLUMNS, check_comparable, settings_of
-from snca_ros.controller_file import (
-    TrainedController,
-    load_controller,
-    package_versions,
-    save_controller,
-)
+from snca_ros.controller_file import TrainedController, load_controller, save_controller
 from snca_ros.evolution.checkpoint import Progress, RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evaluator import evaluate
@@ -25,6 +20,7 @@ from snca_ros.evolution.evolve import evolve
 from snca_ros.evolution.history import CURVE_COLUMNS
 from snca_ros.evolution.workers import IN_PROCESS
 from snca_ros.recording.gait import dominant_frequency, steady_part, vibration_share
+from snca_ros.versions import package_versions
 
 STARTS = range(1, 21)
 """Pushed starts at which the best controller is assessed in pymunk, and by which the robust one is

@@ -5,20 +5,23 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from sim_node.engine import check_engine
 from sim_node.errors import InvalidInput
 from sim_node.model.constants import help_of
+from sim_node.model.morphology import parse_morphology
 from sim_node.model.terrain import (
     DEFAULT_TERRAIN,
     UNSEEN_TERRAINS,
     parse_terrain,
     unseen_terrains,
 )
-from snca_ros.assessment import fault_sweep
+from snca_ros.assessment import fault_sweep, transfer
 from snca_ros.assessment.fault_sweep import parse_sweep, sweep_trials
+from snca_ros.assessment.transfer import Transfer, in_bodies, matrix, transfer_trials
 from snca_ros.assessment.trials import (
     COLUMNS,
     FAULTY_STARTS,
@@ -34,6 +37,7 @@ from snca_ros.assessment.trials import (
     write_csv,
 )
 from snca_ros.bundled import find_controller
+from snca_ros.commands.body_options import WITHOUT_HELP
 from snca_ros.commands.declared_options import add_option
 from snca_ros.commands.json_output import add_json_option
 from snca_ros.commands.worker_options import add_worker_arguments, open_workers
@@ -48,6 +52,8 @@ EXAMPLES = """
   snca assess biped-U-nD-snn-h --terrains flat,uphill-10 --starts 20 --engine batched
   snca assess biped-U-nD-snn-h --faults loss=0..0.9..0.1 --figure loss.png --csv loss.csv
   snca assess biped-U-nD-snn-h --arithmetic int16       # as its firmware would walk
+  snca assess biped-U-nD-snn-h comb-U-nD-snn-h --shape biped,comb,tripod --figure transfer.png
+  snca assess biped-U-nD-snn-h --without voxel_1_1      # on the 16 terrains, without a voxel
 """
 
 
@@ -55,15 +61,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line of `assess`."""
     parser.add_argument('controllers', nargs='+', metavar='CONTROLLER',
                         help='controller file (.npz), run folder, or the name of a bundled one')
+    parser.add_argument('--shape', default='', metavar='SHAPES',
+                        help='bodies, separated by commas, in which to score each controller: a '
+                        'table with a row per controller; only uniform ones fit other bodies')
+    parser.add_argument('--without', default='', metavar='VOXELS', help=WITHOUT_HELP)
     parser.add_argument('--terrains', metavar='NAMES',
                         help='terrains, separated by commas (default: the '
-                        f'{len(UNSEEN_TERRAINS)} unseen ones; with --faults {DEFAULT_TERRAIN})')
+                        f'{len(UNSEEN_TERRAINS)} unseen ones; with --faults or --shape '
+                        f'{DEFAULT_TERRAIN})')
     add_option(parser, AssessmentOptions, 'terrain_seeds', metavar='N', default=None)
     add_option(parser, AssessmentOptions, 'engine')
     add_option(parser, AssessmentOptions, 'arithmetic')
     add_option(parser, AssessmentOptions, 'starts', metavar='N', default=None,
-               help=f'{help_of(AssessmentOptions, "starts")[:-1]}; with --faults {FAULTY_STARTS}): '
-               'adds mean and standard deviation')
+               help=f'{help_of(AssessmentOptions, "starts")[:-1]}; with --faults or --shape '
+               f'{FAULTY_STARTS}): adds mean and standard deviation')
     add_option(parser, AssessmentOptions, 'duration')
     parser.add_argument('--faults', action='append', default=[], metavar='SPEC',
                         help='sweep a fault, whose number is a range FROM..TO[..STEP]: '
@@ -83,7 +94,8 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
     opened = open_workers(args)
     if args.starts is None:
-        args.starts = FAULTY_STARTS if args.faults else AssessmentOptions.starts
+        several = args.faults or args.shape
+        args.starts = FAULTY_STARTS if several else AssessmentOptions.starts
     AssessmentOptions(args.starts, args.duration, args.engine, args.arithmetic)
     if args.figure:
         check_figure(args.figure)
@@ -100,6 +112,15 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     for controller in trained:
         check_engine(args.engine, controller.solver)
     task = common_task(trained)
+    if args.shape:
+        bodies = [parse_morphology(one).without(args.without) for one in args.shape.split(',')]
+        placed = in_bodies(args.controllers, trained, bodies)
+        if not args.faults:
+            return _assess_transfer(args, placed, terrains, opened, task)
+        args.controllers, trained = placed.named_robots()
+    elif args.without:
+        trained = [one.without(args.without) for one in trained]
+        args.controllers = [f'{name} without {args.without}' for name in args.controllers]
     if args.faults:
         return _assess_faults(args, trained, terrains, opened, task)
     trials = [
@@ -133,14 +154,14 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
 
 def _write(
-    args: argparse.Namespace, columns: Sequence[str], rows: Sequence[tuple], task: Task
+    args: argparse.Namespace, columns: Sequence[str], rows: Sequence[tuple], task: Task, **more: Any
 ) -> None:
-    """Write scores to the files of --csv and --json."""
+    """Write scores to the files of --csv and --json, and `more` to the latter."""
     if args.csv:
         write_csv(args.csv, columns, rows)
     args.write_json({
         'quantity': task.quantity, 'unit': task.unit, 'duration': args.duration,
-        'scores': [dict(zip(columns, row, strict=True)) for row in rows],
+        'scores': [dict(zip(columns, row, strict=True)) for row in rows], **more,
     })
 
 
@@ -150,17 +171,57 @@ def _kinds(args: argparse.Namespace) -> dict[str, tuple[str, ...]]:
     Without several seeds, each terrain is a kind of its own.
     """
     if args.terrain_seeds is not None:
-        for option, given in (('terrains', args.terrains is not None), ('faults', args.faults)):
-            if given:
+        for option in ('terrains', 'faults', 'shape'):
+            if getattr(args, option):
                 expected = f'no --terrain-seeds with --{option}: it sets seeds of unseen terrains'
                 raise InvalidInput('terrain_seeds', args.terrain_seeds, expected)
         found = unseen_terrains(args.terrain_seeds)
         if args.terrain_seeds > 1:
             return found
-    names = [DEFAULT_TERRAIN] if args.faults else [*UNSEEN_TERRAINS]
+    names = [DEFAULT_TERRAIN] if args.faults or args.shape else [*UNSEEN_TERRAINS]
     if args.terrains is not None:
         names = args.terrains.split(',')
     return {name: (name,) for name in names}
+
+
+def _assess_transfer(
+    args: argparse.Namespace,
+    placed: Transfer,
+    terrains: Sequence[str],
+    opened: AbstractContextManager[Workers],
+    task: Task,
+) -> int:
+    """Score controllers in bodies and print, write and draw the matrix; return the exit code."""
+    pairs, n_starts = placed.pairs(), 1 + args.starts
+    trials = transfer_trials(placed, terrains, args.engine, n_starts, args.duration)
+    with opened as workers:
+        found, times = run_trials(workers, trials)
+    means, deviations = matrix(placed, found.reshape(len(pairs), n_starts, len(terrains)))
+    starts = f'mean of {args.starts} pushed starts' if args.starts else 'exact start'
+    print(
+        f'{task.label} of episodes of {args.duration:g} s on {", ".join(terrains)} in the '
+        f'{args.engine} engine, {starts}\n'
+    )
+    print('\n'.join([*transfer.table(placed, means), *wall_lines(times, task)]), flush=True)
+    each = [pair for pair in pairs for _ in range(n_starts * len(terrains))]
+    rows = [
+        (placed.names[i], placed.labels[j], bool(placed.home[i, j]), trial.terrain,
+         trial.engine, trial.start, *walls, v)
+        for (i, j, _), trial, walls, v in zip(
+            each, trials, wall_cells(times), found.tolist(), strict=True
+        )
+    ]
+    _write(args, (*transfer.COLUMNS, task.quantity), rows, task, matrix=[
+        {'controller': placed.names[i], 'body': placed.labels[j],
+         'home': bool(placed.home[i, j]), 'mean': means[i, j], 'std': deviations[i, j]}
+        for i, j, _ in pairs
+    ])
+    if args.figure:
+        from snca_ros.assessment.figures import draw_transfer
+        from snca_ros.figures import write_figure
+
+        write_figure(draw_transfer(placed, means, task), args.figure)
+    return 0
 
 
 def _assess_faults(

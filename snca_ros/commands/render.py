@@ -10,6 +10,7 @@ from sim_node.control_time import CONTROL_RATE
 from sim_node.errors import InvalidInput
 from sim_node.model.constants import Checked, constant, declaration, help_of
 from snca_ros.bundled import find_controller
+from snca_ros.commands.body_options import add_body_options
 from snca_ros.commands.declared_options import add_option
 from snca_ros.commands.json_output import add_json_option
 from snca_ros.controller_file import load_controller
@@ -21,6 +22,7 @@ EXAMPLES = """
   snca render biped-U-nD-snn-h walk.gif
   snca render runs/tripod/best.npz hills.gif --terrain hilly-1-10-0 --start 5 --duration 10
   snca render biped-U-nD-snn-h poses.png
+  snca render biped-U-nD-snn-h tripod.gif --shape tripod --without voxel_1_1
   snca render biped-U-nD-snn-h bags/mine both.mp4 --label offline --label recorded --columns 1
 """
 
@@ -54,6 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='number of robots side by side (default: all)')
     add_option(parser, RenderOptions, 'duration')
     add_option(parser, RenderOptions, 'start')
+    add_body_options(parser)
     parser.add_argument('--terrain', help='terrain of controllers (default: that of evolution)')
     add_option(parser, RenderOptions, 'fps')
     add_option(parser, RenderOptions, 'width', default=None,
@@ -80,7 +83,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         np.linspace(0.0, args.duration, _N_POSES) if kind == '.png'
         else np.arange(0.0, args.duration, period)
     )
-    films = [_film(walk, args.terrain, moments) for walk in args.walks]
+    films = [_film(walk, args, moments) for walk in args.walks]
     across = len(films[0].times) if kind == '.png' else columns
     each = (width - (across - 1) * GAP) // across // 2 * 2
     scene = Scene(films, labels, each, _STRIP_VIEW if kind == '.png' else _MOVIE_VIEW)
@@ -118,10 +121,11 @@ def _name(walk: str) -> str:
     return path.parent.name if path.name == 'best.npz' and path.parent.name else path.stem
 
 
-def _film(walk: str, terrain: str | None, moments: np.ndarray) -> Film:
+def _film(walk: str, args: argparse.Namespace, moments: np.ndarray) -> Film:
     if Path(walk).is_dir():
-        if terrain is not None:
-            raise InvalidInput('terrain', terrain, f'no --terrain: {walk} is a bag and has its own')
+        for option in ('terrain', 'shape', 'without'):
+            if (value := getattr(args, option)) is not None and value != '':
+                raise InvalidInput(option, value, f'no --{option}: {walk} is a bag and has its own')
         return film_bag(Path(walk), moments)
-    trained = load_controller(find_controller(walk))
-    return film_offline(trained, terrain or trained.terrain, moments)
+    trained = load_controller(find_controller(walk)).in_body(args.shape).without(args.without)
+    return film_offline(trained, args.terrain or trained.terrain, moments)

@@ -9,6 +9,7 @@ from sim_node.control_time import CONTROL_RATE
 from sim_node.errors import InvalidInput
 from sim_node.model.constants import Checked, constant
 from snca_ros.bundled import find_controller
+from snca_ros.commands.body_options import add_body_options
 from snca_ros.commands.declared_options import add_option
 from snca_ros.evolution.episode import EPISODE, LONGEST
 from snca_ros.faults import FAULTS_HELP
@@ -19,6 +20,7 @@ from snca_ros.web.replay import bag_page, controller_page
 EXAMPLES = """
   snca replay biped-U-nD-snn-h                      # writes biped-U-nD-snn-h.html
   snca replay biped-U-nD-snn-h hills.html --terrain hilly-1-10-0 --duration 60
+  snca replay biped-U-nD-snn-h tripod.html --shape tripod --without voxel_1_1
   snca replay runs/tripod                           # best.npz, with the history of the run
   snca replay bags/mine --controller biped-U-nD-snn-h
 """
@@ -46,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     walk = parser.add_argument_group('the walk of a controller')
     add_option(walk, ReplayOptions, 'duration')
     walk.add_argument('--terrain', default='', help='terrain (default: that of its evolution)')
+    add_body_options(walk)
     walk.add_argument('--faults', default='', metavar='SPEC', help=FAULTS_HELP)
 
 
@@ -54,8 +57,9 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     source = Path(args.source)
     is_run = (source / 'config.yaml').exists()
     if source.is_dir() and not is_run:
-        if args.terrain or args.faults:
-            parser.error('--terrain and --faults are for controllers and runs, not for bags')
+        if args.terrain or args.faults or args.shape or args.without:
+            parser.error('--terrain, --shape, --without and --faults are for controllers and runs, '
+                         'not for bags')
         recording = read_bag(source, args.episode)
         write_bag_page(args.out or source / PAGE, recording, args.controller)
         return 0
@@ -63,7 +67,8 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         parser.error('--controller and --episode are for bags')
     file = source / 'best.npz' if is_run else find_controller(args.source)
     page = controller_page(
-        file, args.duration, args.terrain, args.faults, source if is_run else None
+        file, args.duration, args.terrain, args.faults, source if is_run else None, args.shape,
+        args.without,
     )
     _write_page(args.out or (source / PAGE if is_run else Path(f'{file.stem}.html')), page)
     return 0

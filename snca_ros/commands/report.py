@@ -11,9 +11,9 @@ from snca_ros.commands.json_output import add_json_option
 from snca_ros.controller_file import load_controller
 from snca_ros.files import FIGURE, PAGE, check_writable
 from snca_ros.recording.bag import Recording, read_bag
+from snca_ros.recording.body import in_body_of
 from snca_ros.recording.energy import count_operations, energy_lines
 from snca_ros.recording.gait import Gait, measure_gait
-from snca_ros.recording.offline import check_shape_of_bag
 from snca_ros.recording.report import as_dict, report_lines
 
 EXAMPLES = """
@@ -69,8 +69,9 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
 def _print_operations(recording: Recording, gait: Gait, controller: str) -> dict | None:
     """Print operations and energy of the cells; return the operations, None if unknown."""
-    trained = load_controller(find_controller(controller))
-    check_shape_of_bag(recording, trained)
+    trained = in_body_of(recording, load_controller(find_controller(controller)))
+    if trained.home:
+        print(f'\n{controller}, {trained.evolved}, in the body of the bag', flush=True)
     operations = count_operations(trained, recording.readings, recording.spikes)
     if operations is None:
         return None

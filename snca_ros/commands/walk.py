@@ -17,16 +17,16 @@ import numpy as np
 from sim_node.control_time import CONTROL_RATE
 from sim_node.errors import InvalidInput
 from sim_node.model.constants import help_of
-from sim_node.model.morphology import parse_morphology
 from sim_node.ros import security
 from sim_node.ros.domain import check_domain
 from sim_node.ros.sim_interface import BodyOptions
 from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
 from snca_ros.command_line import FormerlyWithValue
+from snca_ros.commands.body_options import add_body_options, load_in_body
 from snca_ros.commands.declared_options import add_option
 from snca_ros.commands.json_output import add_json_option
 from snca_ros.commands.report import print_report
-from snca_ros.controller_file import TrainedController, load_controller
+from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import run_episode
 from snca_ros.faults import FAULTS_HELP, Faults, parse_faults
 from snca_ros.files import BAGS
@@ -55,6 +55,7 @@ EXAMPLES = """
   snca walk --view                                  # a live page; click voxels to kill them
   snca walk --faults loss=0.3,death=0.5@10,seed=3   # lost messages; half the voxels die at 10 s
   snca walk --engine batched --bag bags/mine --storage sqlite3
+  snca walk --shape tripod --without voxel_1_1      # the biped's cell in another, damaged body
   snca walk --devices emulated:microbit --arithmetic int16   # each cell on its own micro:bit
 """
 
@@ -73,7 +74,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='restart voxels that were killed')
     parser.add_argument('--terrain', default='', help='terrain (default: that of its evolution)')
     add_option(parser, BodyOptions, 'engine')
-    parser.add_argument('--shape', help='shape that the controller must have')
+    add_body_options(parser)
     parser.add_argument('--robot', default='', help='namespace (default: the shape)')
     add_option(parser, WalkOptions, 'voxels_per_process', metavar='K')
     add_option(parser, WalkOptions, 'arithmetic')
@@ -104,9 +105,10 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     check_domain()
     security.check_middleware()
     path = find_controller(args.controller)
-    trained = load_controller(path).in_arithmetic(args.arithmetic)
     with ExitStack() as stack:
-        return _run(args, path, trained, _devices(args, trained, path.stem, stack))
+        file, trained = load_in_body(path, args.shape, args.without, stack)
+        trained = trained.in_arithmetic(args.arithmetic)
+        return _run(args, file, trained, _devices(args, trained, path.stem, stack))
 
 
 def _devices(
@@ -132,7 +134,6 @@ def _run(
     if port is not None:
         check_port(port)
     factor = args.real_time_factor or float(args.real_time or port is not None)
-    _check_shape(path, trained, args.shape)
     robot = args.robot or robot_name(trained.morphology)
     bag = args.bag or BAGS / f'{robot}-{datetime.now():%Y%m%d-%H%M%S}'
     engine = args.engine
@@ -169,13 +170,6 @@ def _run(
 
 def _is_number(text: str) -> bool:
     return re.fullmatch(r'\d*\.?\d+', text, re.ASCII) is not None
-
-
-def _check_shape(path: Path, trained: TrainedController, shape: str | None) -> None:
-    if shape is None:
-        return
-    if not parse_morphology(shape).same_shape(trained.morphology):
-        raise InvalidInput('morphology', trained.morphology.grid_string, shape, str(path))
 
 
 def _offline_centers(

@@ -9,6 +9,7 @@ import numpy as np
 from sim_node.episode import UNKNOWN_PHYSICS, physics_of_episode
 from sim_node.errors import InvalidInput
 from sim_node.model.sensors import DEFAULT_SENSORS
+from snca_ros.recording.body import read_body
 from snca_ros.recording.diagnostics import TOPIC as DIAGNOSTICS
 from snca_ros.recording.diagnostics import NodeHealth, read_health
 from snca_ros.recording.episodes import number_episodes, one_episode
@@ -81,7 +82,7 @@ def read_bag(path: Path | str, episode: int = -1) -> Recording:
     return Recording(
         path=path, closed=closed, robot=robot, episode=episode, n_episodes=n_episodes, rate=rate,
         counts=_counts(topics, names, streams, outcomes, voxels, refused, kills, twice),
-        health=health,
+        health=health, body=read_body(topics[names[ODOMETRY]], voxels),
         poses=poses, physics=_physics(streams), applied=outcomes.applied,
         outcomes=outcomes.outcomes, late=cells_late,
         **{**arrays, 'heard': arrays['heard'] & ~cells_late},

@@ -12,6 +12,7 @@ from snca_ros.controller import Controller
 from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import run_episode
 from snca_ros.faults import NO_FAULTS, Faults
+from snca_ros.recording.body import in_body_of
 from snca_ros.recording.episode import RECORDABLE, RecordedEpisode
 from snca_ros.recording.outcomes import Outcome
 from snca_ros.recording.poses import Poses
@@ -62,7 +63,7 @@ def record_offline(
         heard=_with_last_row(episode.heard, False), late=np.zeros(actuation.shape, bool),
         rate=math.nan, counts=(), health={},
         poses=Poses(steps, episode.corners, ground), physics=trained.solver.physics,
-        sensors=simulation.sensors,
+        sensors=simulation.sensors, body=trained.morphology,
     )
     return recording, None if thresholds is None else _with_last_row(thresholds, np.nan)
 
@@ -191,14 +192,6 @@ def mean_thresholds(controller: Controller) -> np.ndarray:
     return thresholds.mean(axis=1)
 
 
-def check_shape_of_bag(recording: Recording, trained: TrainedController) -> None:
-    """Raise InvalidInput if the controller is for another shape than that of the recording."""
-    names = trained.morphology.voxel_names
-    if names != recording.voxel_names:
-        shown, expected = f'{len(names)} voxels', f'the {len(recording.voxel_names)} of the bag'
-        raise InvalidInput('controller', f'{trained.morphology.grid_string}, {shown}', expected)
-
-
 def replayed_thresholds(recording: Recording, trained: TrainedController) -> np.ndarray | None:
     """Return the thresholds of the cells of a recorded walk, by stepping its controller again.
 
@@ -211,10 +204,9 @@ def replayed_thresholds(recording: Recording, trained: TrainedController) -> np.
         (n_steps, n_voxels) as `mean_thresholds`; None if the cells have no thresholds.
 
     Raises:
-        InvalidInput: the controller is for another shape.
+        InvalidInput: the controller does not fit the body of the walk.
     """
-    check_shape_of_bag(recording, trained)
-    controller = trained.controller()
+    controller = in_body_of(recording, trained).controller()
     thresholds = np.full(recording.actuation.shape, np.nan)
     for k, readings in enumerate(recording.readings):
         if not np.isfinite(readings).all():

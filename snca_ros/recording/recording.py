@@ -7,6 +7,7 @@ import numpy as np
 
 from sim_node.control_time import CONTROL_RATE
 from sim_node.model.meetings import walls_in_outlines
+from sim_node.model.morphology import Morphology
 from sim_node.model.physics import UNNAMED_PHYSICS
 from sim_node.model.sensors import DEFAULT_SENSORS
 from sim_node.walls import NO_WALLS, Walls
@@ -99,6 +100,7 @@ class Recording:
         physics: name of the physics, one of `sim_node.model.physics.PHYSICS`, or
             `sim_node.episode.UNKNOWN_PHYSICS`.
         sensors: names of the readings, in their order.
+        body: the voxels on their grid, with those that were left out; None if the bag does not say.
     """
 
     path: Path
@@ -122,6 +124,7 @@ class Recording:
     poses: Poses | None = None
     physics: str = UNNAMED_PHYSICS
     sensors: tuple[str, ...] = DEFAULT_SENSORS
+    body: Morphology | None = None
 
     @property
     def n_steps(self) -> int:

@@ -29,6 +29,8 @@ def as_dict(recording: Recording, gait: Gait) -> dict[str, object]:
         'closed': recording.closed,
         'robot': recording.robot,
         'physics': recording.physics,
+        'body': recording.body.grid_string if recording.body else None,
+        'missing': list(recording.body.missing_names) if recording.body else [],
         'episode': recording.episode,
         'n_episodes': recording.n_episodes,
         'v_x': _number(gait.velocity),
@@ -98,6 +100,7 @@ def _gait_lines(recording: Recording, gait: Gait) -> list[str]:
         f'v_x        {gait.velocity!r} m/s ({gait.scored})',
         f'distance   {gait.distance:.3f} m in {gait.duration:.3f} s',
         *(f'wall       {text}' for text in gait.walls.describe()),
+        *([f'body       {recording.body.label}'] if recording.body else []),
         f'physics    {recording.physics}',
         f'rhythm     {gait.frequency:.2f} Hz, the dominant frequency of the actuation',
     ]

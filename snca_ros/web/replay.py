@@ -9,12 +9,14 @@ from snca_ros.evolution.checkpoint_arrays import HISTORY
 from snca_ros.evolution.history import History, read_history
 from snca_ros.faults import parse_faults
 from snca_ros.recording.bag import Recording
+from snca_ros.recording.body import in_body_of
 from snca_ros.recording.offline import record_offline, replayed_thresholds
 from snca_ros.web.page import walk_page
 
 
 def controller_page(
-    file: Path, duration: float, terrain: str = '', faults: str = '', run: Path | None = None
+    file: Path, duration: float, terrain: str = '', faults: str = '', run: Path | None = None,
+    shape: str = '', without: str = '',
 ) -> str:
     """Return the page of an offline walk of a controller.
 
@@ -25,16 +27,20 @@ def controller_page(
         faults: text that `parse_faults` reads; '' for none.
         run: folder of the run whose best controller it is; its name becomes the title, and the
             page shows its history.
+        shape: body for the controller, see `TrainedController.in_body`; '' for its own.
+        without: names of voxels to leave out, with commas between them.
 
     Raises:
-        InvalidInput: the controller cannot be read, the terrain or a fault is unknown, or the
-            physics diverges.
+        InvalidInput: the controller cannot be read, it does not fit the body, the terrain or a
+            fault is unknown, or the physics diverges.
     """
-    trained = load_controller(file)
+    trained = load_controller(file).in_body(shape).without(without)
     recording, thresholds = record_offline(
         trained, file, duration, terrain, parse_faults(faults)
     )
     name = run.resolve().name if run else file.stem
+    if trained.home:
+        name = f'{name} as {trained.morphology.label}'
     history = read_history(run) if run else None
     with_faults = f' with {faults}' if faults else ''
     return walk_page(
@@ -57,14 +63,15 @@ def bag_page(recording: Recording, controller: str | None = None) -> tuple[str, 
         HTML, and a sentence if the controller was evolved in another physics, else ''.
 
     Raises:
-        InvalidInput: the bag has no markers, or the controller is for another shape.
+        InvalidInput: the bag has no markers, or the controller does not fit the body of the walk.
     """
     facts = [
-        f'Bag {recording.path}, {len(recording.voxel_names)} voxels, physics {recording.physics}'
+        f'Bag {recording.path}, {len(recording.voxel_names)} voxels'
+        f'{f" ({recording.body.label})" if recording.body else ""}, physics {recording.physics}'
     ]
     thresholds, directional, warning = None, None, ''
     if controller:
-        trained = load_controller(find_controller(controller))
+        trained = in_body_of(recording, load_controller(find_controller(controller)))
         thresholds = replayed_thresholds(recording, trained)
         directional = trained.architecture.directional
         facts.append(_describe(trained))
@@ -84,8 +91,8 @@ def _describe(trained: TrainedController) -> str:
     """Return one sentence about a controller: shape, architecture, and its v_x in evolution."""
     cells = trained.architecture
     return (
-        f'{trained.morphology.name}, {trained.morphology.n_voxels} voxels, {cells.name} '
-        f'{cells.neuron_model}, evolved on {trained.terrain} in the physics '
+        f'{trained.morphology.label}, {trained.morphology.n_voxels} voxels, {cells.name} '
+        f'{cells.neuron_model}, {trained.evolved} in the physics '
         f'{trained.solver.physics} for {trained.evaluations} evaluations to '
         f'{trained.achieved}'
     )

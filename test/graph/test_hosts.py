@@ -99,8 +99,8 @@ def walk_on_two_hosts(cable, start, path, *options):
 
 
 def test_walk_on_two_hosts_equals_the_walk_on_one(cable, start, make_controller):
-    faults = '--faults', 'loss=0.3,death=voxel_0_1@0.5-0.8'
-    output = walk_on_two_hosts(cable, start, make_controller('11-10'), *faults)
+    options = '--shape', '11-10', '--faults', 'loss=0.3,death=voxel_0_1@0.5-0.8'
+    output = walk_on_two_hosts(cable, start, make_controller('11'), *options)
     assert '91 positions of the centre, bit for bit the same' in output
 
 

@@ -82,7 +82,8 @@ def test_policy_allows_what_nodes_do_and_no_more(make_controller, node, spin_unt
 
 
 def test_voxels_have_enclaves_and_may_subscribe_only_to_neighbours(start, make_controller):
-    child = start('policy', make_controller('111', 'U-nD', 'snn'), '--robot', 'trio')
+    path = make_controller('11', 'U-nD', 'snn')
+    child = start('policy', path, '--shape', '111', '--robot', 'trio')
     output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode == 0
     policy = etree.fromstring(output.encode())

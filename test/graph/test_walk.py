@@ -1,5 +1,6 @@
 """The `walk` command: starts, supervises and ends the whole graph, and leaves no process."""
 
+import json
 import os
 import signal
 import sys
@@ -10,6 +11,7 @@ from support.limits import LIMIT
 from support.processes import is_alive, nodes_of, offspring, wait_until
 
 from sim_node.model.solver import Solver
+from snca_ros.cli import main
 from snca_ros.controller_file import load_controller
 from snca_ros.faults import parse_faults
 from snca_ros.recording.bag import read_bag
@@ -40,6 +42,38 @@ def test_walk_equals_its_offline_twin(
     poses = read_bag(tmp_path / 'bag').poses
     np.testing.assert_array_equal(poses.corners, twin.poses.corners[poses.steps])
     np.testing.assert_array_equal(poses.ground, twin.poses.ground)
+
+
+@pytest.mark.parametrize(('architecture', 'options', 'grid', 'missing'), [
+    ('U-nD', {'shape': '1111-1111-1001', 'without': 'voxel_0_0,voxel_0_1,voxel_0_2'},
+     'x111-x111-x001', ['voxel_0_0', 'voxel_0_1', 'voxel_0_2']),
+    ('nU-D', {'without': 'voxel_1_1'}, '1x-10', ['voxel_1_1']),
+])
+def test_walk_in_another_body_equals_its_offline_twin(
+    start, make_controller, tmp_path, capsys, architecture, options, grid, missing
+):
+    path = make_controller('11-10', architecture)
+    words = [word for name, value in options.items() for word in (f'--{name}', value)]
+    child = start('walk', path, '--duration', 1.5, '--bag', 'bag', '--json', 'walk.json',
+                  '--voxels-per-process', 3, *words)
+    output, _ = child.communicate(timeout=LIMIT)
+    assert child.returncode == 0, output
+    assert '91 positions of the centre, bit for bit the same' in output
+    report = json.loads((tmp_path / 'walk.json').read_text())
+    assert (report['body'], report['missing']) == (grid, missing)
+    assert f'body       {grid} without {", ".join(missing)}\n' in output
+    trained = load_controller(path).in_body(options.get('shape', '')).without(missing)
+    twin, _ = record_offline(trained, tmp_path, 1.5)
+    recording = read_bag(tmp_path / 'bag')
+    assert recording.voxel_names == trained.morphology.voxel_names
+    for name in ('centers', 'readings', 'actuation', 'spikes', 'applied'):
+        np.testing.assert_array_equal(getattr(recording, name)[:-1], getattr(twin, name)[:-1])
+    assert len(np.unique(recording.actuation[:-1])) > 1
+    # The file with the weights of the nodes is gone; that of the controller is enough.
+    assert main(['report', str(tmp_path / 'bag'), '--controller', str(path)]) == 0
+    assert 'a cell, per control step' in capsys.readouterr().out
+    assert main(['replay', str(tmp_path / 'bag'), '--controller', str(path)]) == 0
+    capsys.readouterr()
 
 
 WITH_ANOTHER_TWIN = """
@@ -86,7 +120,9 @@ def test_a_killed_voxel_is_named(start, make_controller):
 
 @pytest.mark.parametrize(('given', 'expected'), [
     (['nobody'], ['controller', "'nobody'"]),
-    (['CONTROLLER', '--shape', 'comb'], ['morphology', "'11-10'", 'comb']),
+    (['CONTROLLER', '--shape', 'cob'], ['morphology', "'cob'", "'comb'"]),
+    (['CONTROLLER', '--without', 'voxel_1_0'], ['voxel', "'voxel_1_0'", '11-10']),
+    (['CONTROLLER', '--without', 'voxel_0_1'], ['without', "'voxel_0_1'", 'one connected piece']),
     (['CONTROLLER', '--terrain', 'hily'], ['terrain', "'hily'", 'hilly']),
     (['CONTROLLER', '--duration', '-1'], ['duration', '-1']),
     (['CONTROLLER', '--voxels-per-process', '0'], ['--voxels-per-process', '0', 'from 1 to 1000']),

@@ -68,8 +68,8 @@ def test_command_lines_are_read_in_commands_alone():
     assert elsewhere == {'snca_ros/command_line.py', 'snca_ros/nodes/voxel.py'}
     commands = {f'snca_ros/commands/{name}.py' for name in cli.COMMANDS}
     assert readers - elsewhere == {
-        *commands, 'snca_ros/commands/declared_options.py', 'snca_ros/commands/json_output.py',
-        'snca_ros/commands/worker_options.py',
+        *commands, 'snca_ros/commands/body_options.py', 'snca_ros/commands/declared_options.py',
+        'snca_ros/commands/json_output.py', 'snca_ros/commands/worker_options.py',
     }
 
 

@@ -72,6 +72,32 @@ def test_a_controller_file_needs_no_engine():
     assert found.stdout == 'False\n', found.stderr
 
 
+def test_a_robot_in_another_body_is_run_saved_and_assessed(tmp_path):
+    robot = make_robot()
+    other = robot.in_body('comb-5x2')
+    assert (other.name, other.morphology.n_voxels) == ('mine in comb-5x2', 8)
+    damaged = other.without('voxel_1_1', 'voxel_0_1', 'voxel_0_0')
+    assert damaged.name == 'mine in comb-5x2 without voxel_1_1, voxel_0_1, voxel_0_0'
+    assert damaged.morphology.voxel_names == (
+        'voxel_2_0', 'voxel_4_0', 'voxel_2_1', 'voxel_3_1', 'voxel_4_1'
+    )
+    episode = damaged.run(1.0, record='actuation')
+    assert episode.voxel_names == damaged.morphology.voxel_names
+    np.testing.assert_array_equal(episode.centers, run_episode(
+        Simulation('xx111-x0101'), damaged.trained.controller(), 1.0
+    ).centers)
+    damaged.save(tmp_path / 'damaged.npz')
+    again = snca.load(tmp_path / 'damaged.npz')
+    np.testing.assert_array_equal(again.run(1.0).centers, episode.centers)
+    assert 'evolved as 11-10 on flat' in repr(again)
+    assert robot.in_body('11-10') is robot
+    assert robot.without() is robot
+    scores = snca.assess([robot, other], 'flat', duration=6.0)
+    assert scores.coords['robot'] == ('mine', 'mine in comb-5x2')
+    with pytest.raises(snca.InvalidInput, match='one connected piece'):
+        other.without('voxel_1_1')
+
+
 def test_every_name_is_there_and_hides_no_module():
     assert set(snca.__all__) <= set(dir(snca))
     listed = [name for names in snca._MODULES.values() for name in names]

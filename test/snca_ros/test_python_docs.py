@@ -25,11 +25,11 @@ EXPECTED = re.compile(r'(.+?)\s+# -> (.+)')
 """A line that tells what its expression is."""
 
 
-def blocks():
-    text = (ROOT / 'docs' / 'python.md').read_text()
+def blocks(page='python.md', budget=tuple(BUDGET)):
+    text = (ROOT / 'docs' / page).read_text()
     found = re.findall(r'^```python\n(.*?)^```$', text, re.MULTILINE | re.DOTALL)
     assert text.count('```') == 2 * (len(found) + text.count('```sh'))
-    for long, short in BUDGET:
+    for long, short in budget:
         assert any(long in block for block in found), long
         found = [block.replace(long, short) for block in found]
     return found
@@ -68,6 +68,18 @@ def test_every_line_of_the_page_runs(tmp_path, monkeypatch, capsys, own_tasks):
     assert (tmp_path / 'tripod.npz').exists()
     assert len(set(names['jumper'].history['median'])) == 3  # 3 generations, and jumps differ
     assert capsys.readouterr().out.count('EvolutionRun(') == 3  # one per generation
+
+
+def test_every_line_about_bodies_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names, told = {}, 0
+    for block in blocks('bodies.md', [('starts=2', 'starts=2, duration=5.1')]):
+        exec(compile(block, 'docs/bodies.md', 'exec'), names)
+        for match in filter(None, map(EXPECTED.fullmatch, block.splitlines())):
+            assert str(eval(match[1], names)) == match[2]
+            told += 1
+    assert told == 2
+    assert snca.load('damaged.npz').trained.home.name == 'biped'
 
 
 def test_the_shell_commands_of_the_page_are_commands():

@@ -37,6 +37,7 @@ class Walk:
     sensors: tuple[str, ...] = DEFAULT_SENSORS
     ages: np.ndarray | None = None  # (n, n_voxels) of the answers; None in older bags
     applied: np.ndarray | None = None  # (n, n_voxels), None if it is the actuation
+    body: str = 'biped'  # child_frame_id of the odometry
 
 
 def make_walk(
@@ -79,7 +80,7 @@ def image(step: int, frame: str, encoding: str, pixels: np.ndarray):
     )
 
 
-def odometry(step: int, center: np.ndarray):
+def odometry(step: int, center: np.ndarray, body: str = 'biped'):
     vector = TYPES['geometry_msgs/msg/Vector3'](0.0, 0.0, 0.0)
     pose = TYPES['geometry_msgs/msg/Pose'](
         TYPES['geometry_msgs/msg/Point'](center[0], 0.0, center[1]),
@@ -87,7 +88,7 @@ def odometry(step: int, center: np.ndarray):
     )
     none = np.zeros(36)
     return TYPES['nav_msgs/msg/Odometry'](
-        _header(step, 'world'), 'biped',
+        _header(step, 'world'), body,
         TYPES['geometry_msgs/msg/PoseWithCovariance'](pose, none),
         TYPES['geometry_msgs/msg/TwistWithCovariance'](
             TYPES['geometry_msgs/msg/Twist'](vector, vector), none
@@ -138,7 +139,10 @@ def diagnostics(node: str, figures: Mapping[str, object], process: str = 'host:1
 
 def messages_of_step(walk: Walk, step: int, robot: str = 'biped') -> list[Message]:
     """Return the messages that the graph publishes in control step `step`."""
-    out = [('/clock', clock(step)), (f'/{robot}/odometry', odometry(step, walk.centers[step]))]
+    out = [
+        ('/clock', clock(step)),
+        (f'/{robot}/odometry', odometry(step, walk.centers[step], walk.body)),
+    ]
     if walk.ages is not None and step > 0:
         applied = walk.actuation if walk.applied is None else walk.applied
         out.insert(0, (f'/{robot}/applied_actuation', joint_state(

@@ -69,6 +69,22 @@ def test_every_voxel_has_its_four_masses_in_order():
             assert body.masses[4 * i + j].position - center == pytest.approx(corner)
 
 
+@pytest.mark.parametrize('gone', ['voxel_1_1', 'voxel_0_0', 'voxel_0_0,voxel_0_1,voxel_0_2'])
+@pytest.mark.parametrize('terrain', ['flat', 'hilly-1-10-0'])
+def test_a_damaged_body_stands_where_the_complete_one_would(gone, terrain):
+    whole, ground, material = parse_morphology('biped'), parse_terrain(terrain), Material()
+    damaged = whole.without(gone)
+    kept = [4 * whole.squares.index(square) + i for square in damaged.squares for i in range(4)]
+    one, two = (build_body(shape, ground, material) for shape in (whole, damaged))
+    moved = two.positions - one.positions[kept]  # as low as the ground below the others allows
+    assert moved[:, 0].tolist() == [0.0] * len(kept)
+    assert moved[:, 1] == pytest.approx(np.full(len(kept), moved[0, 1]), abs=1e-12)
+    assert -3.0 < moved[0, 1] <= 0.0
+    if terrain == 'flat':
+        assert moved[0, 1] == 0.0
+    assert sum(two.constraints.kinds == SPRING) == 18 * damaged.n_voxels
+
+
 def test_a_voxel_has_eighteen_springs_of_three_kinds():
     body = build('1')
     pairs = Counter(

@@ -124,7 +124,7 @@ def test_neighbors_are_mutual(grid):
 
 
 @steady
-@given(st.one_of(st.text(max_size=30), st.text('01-', max_size=30), nearly_names))
+@given(st.one_of(st.text(max_size=30), st.text('01x-', max_size=30), nearly_names))
 def test_any_string_is_a_morphology_or_invalid_input(text):
     morphology, error = parsed(text)
     if error:
@@ -133,7 +133,8 @@ def test_any_string_is_a_morphology_or_invalid_input(text):
     else:
         assert 1 <= morphology.n_voxels <= 64 * 64
         assert len(set(morphology.squares)) == morphology.n_voxels
-        assert min(x for x, _ in morphology.squares) == min(y for _, y in morphology.squares) == 0
+        corner = (min(numbers) for numbers in zip(*morphology.complete, strict=True))
+        assert tuple(corner) == (0, 0)
 
 
 @pytest.mark.parametrize('shape', SHAPES)
@@ -150,7 +151,8 @@ def test_empty_border_of_a_grid_is_ignored():
 @pytest.mark.parametrize(
     'text',
     [
-        '', '-', '1-', '-1', '0', '00-00', '11-1', '101', '10-01', '1' * 65, '-'.join('1' * 65),
+        '', '-', '1-', '-1', '0', '00-00', 'x', 'xx-0x', '1x1', '1-x-1', '1X', '11-1',
+        '101', '10-01', '1' * 65, '-'.join('1' * 65),
         'biped-', 'biped-4', 'biped-0x3', 'biped-65x1', 'biped-4x3x2', 'box', 'ball', 'ball-0',
         'ball-65', 'ball-3x3', 'wurm', 'Biped', ' biped', '1\n', '١', 'comb-٧x2', None, 5, b'biped',
     ],
@@ -171,6 +173,41 @@ def test_index_of():
     for name in ('voxel_1_0', 'voxel_3', ''):
         with pytest.raises(InvalidInput, match='voxel'):
             biped.index_of(name)
+
+
+@steady
+@given(grids, st.data())
+def test_a_damaged_body_keeps_the_names_of_the_others(grid, data):
+    assume(is_connected(occupied(grid)))
+    whole = parse_morphology(grid)
+    gone = data.draw(st.lists(st.sampled_from(whole.voxel_names), unique=True))
+    left = [(x, y) for x, y in whole.squares if f'voxel_{x}_{y}' not in gone]
+    if not left or not is_connected(set(left)):
+        with pytest.raises(InvalidInput, match=r'without: .* one connected piece'):
+            whole.without(gone)
+        return
+    for damaged in (whole.without(gone), whole.without(','.join(gone))):
+        assert damaged.squares == tuple(left)
+        assert set(damaged.missing_names) == set(gone)
+        assert damaged.complete == whole.squares
+        assert (damaged.width, damaged.height) == (whole.width, whole.height)
+        assert damaged.grid_string.replace('x', '1') == whole.grid_string
+        again = parse_morphology(damaged.grid_string)
+        assert (again.squares, again.missing) == (damaged.squares, damaged.missing)
+
+
+def test_missing_voxels_by_hand():
+    damaged = parse_morphology('biped').without('voxel_3_0,voxel_0_0')
+    assert damaged.grid_string == '1111-1111-x00x'
+    assert damaged.voxel_names[0] == 'voxel_0_1'
+    assert damaged.label == 'biped without voxel_0_0, voxel_3_0'
+    assert damaged.neighbors[0].tolist() == [4, -1, -1, 1]
+    assert damaged.without(['voxel_0_1']).missing_names == ('voxel_0_0', 'voxel_3_0', 'voxel_0_1')
+    assert parse_morphology('00x1-0011').squares == ((0, 0), (1, 0), (1, 1))
+    assert parse_morphology('0x01-0011').squares == ((1, 0), (2, 0), (2, 1))
+    assert parse_morphology('biped').without('') == parse_morphology('biped')
+    with pytest.raises(InvalidInput, match="voxel: got 'voxel_3_0', expected a voxel of biped"):
+        damaged.without('voxel_3_0')
 
 
 def test_same_shape_ignores_the_name():

@@ -33,11 +33,12 @@ from snca_ros.campaign.endpoints import perform
 from snca_ros.campaign.results import Results, read_rows
 from snca_ros.campaign.specification import read_campaign
 from snca_ros.cell.architecture import Architecture
-from snca_ros.controller_file import load_controller, package_versions
+from snca_ros.controller_file import load_controller
 from snca_ros.evolution.checkpoint import RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evaluator import Evaluator
 from snca_ros.evolution.workers import local_workers
+from snca_ros.versions import package_versions
 
 
 @pytest.fixture(scope='module')

@@ -233,6 +233,7 @@ def test_a_strip(controller, tmp_path):
 @pytest.mark.parametrize('options', [
     ['--fps', '0'], ['--fps', 'nan'], ['--duration', '-1'], ['--width', '1'], ['--start', '-1'],
     ['--terrain', 'moon'], ['--columns', '2'], ['--columns', '0'], ['--label', 'a', '--label', 'b'],
+    ['--shape', 'bipd'], ['--without', 'voxel_1_0'],
 ])
 def test_bad_options_leave_no_file(controller, tmp_path, capsys, options):
     assert main(['render', controller, str(tmp_path / 'walk.gif'), *options]) == BAD_INPUT
@@ -248,6 +249,33 @@ def test_bad_files(controller, tmp_path, capsys):
     ):
         assert main(['render', *arguments]) == BAD_INPUT
         assert 'expected' in capsys.readouterr().err
+
+
+def test_a_film_shows_the_other_body(controller, trained, tmp_path, capsys):
+    out = str(tmp_path / 'walk.gif')
+    shown = []
+
+    class Stop(Exception):
+        pass
+
+    def scene(films, *args):
+        shown.extend(films)
+        raise Stop
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr('snca_ros.commands.render.Scene', scene)
+        with pytest.raises(Stop):
+            main(['render', controller, out, '--duration', '0.5', '--shape', '1111-1001',
+                  '--without', 'voxel_0_0'])
+    robot = trained.in_body('1111-x001')
+    (film,) = shown
+    expected = film_offline(robot, 'flat', film.times)
+    np.testing.assert_array_equal(film.corners, expected.corners)
+    assert film.corners.shape[1] == 5
+    bag = write_messages(tmp_path / 'bag', messages_of_walk(make_walk(6)))
+    for option, value in (('--shape', 'biped'), ('--without', 'voxel_0_0')):
+        assert main(['render', str(bag), out, option, value]) == BAD_INPUT
+        assert f'no {option}: {bag} is a bag' in capsys.readouterr().err
 
 
 def test_a_failure_keeps_the_old_file(controller, tmp_path, monkeypatch):

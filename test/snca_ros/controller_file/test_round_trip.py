@@ -21,12 +21,8 @@ from sim_node.model.material import Material
 from sim_node.model.morphology import parse_morphology
 from sim_node.model.solver import Solver
 from snca_ros.cell.architecture import Architecture
-from snca_ros.controller_file import (
-    TrainedController,
-    code_version,
-    load_controller,
-    save_controller,
-)
+from snca_ros.controller_file import TrainedController, load_controller, save_controller
+from snca_ros.versions import code_version
 
 NINE = [(name, model) for name in ('U-nD', 'U-D', 'nU-D') for model in ('mlp', 'snn', 'snn-h')]
 
@@ -74,8 +70,8 @@ def test_version_of_the_code_is_the_commit_that_last_changed_it(tmp_path):
     def version():
         """Ask a copy of the module, as another process would."""
         program = (
-            'import sys; from snca_ros import controller_file as c; '
-            f'c.__file__ = {str(tmp_path / "snca_ros" / "controller_file.py")!r}; '
+            'import sys; from snca_ros import versions as c; '
+            f'c.__file__ = {str(tmp_path / "snca_ros" / "versions.py")!r}; '
             'print(c.code_version())'
         )
         return subprocess.run(

@@ -1,5 +1,6 @@
 """The page in a browser: it loads, plays, scrubs, and shows the right thing at the right time."""
 
+import json
 import re
 from dataclasses import replace
 
@@ -295,6 +296,22 @@ def test_a_controller_of_another_physics_than_the_bag_gives_a_warning(
     assert err.count('\n') == err.count(words) == page.count(words) == (physics == 'first')
 
 
+def test_page_of_a_controller_in_another_body(controller, trained, tmp_path, capsys):
+    page = tmp_path / 'page.html'
+    assert main(['replay', str(controller), str(page), '--shape', '111-101', '--without',
+                 'voxel_0_0', '--duration', '0.5']) == 0
+    text = page.read_text()
+    assert '<title>duo as 111-101 without voxel_0_0 on flat' in text
+    assert '111-101 without voxel_0_0, 4 voxels, U-D snn-h, evolved as 11-10 on flat' in text
+    expected, _ = record_offline(trained.in_body('111-x01'), page, 0.5)
+    names = 'voxel_2_0', 'voxel_0_1', 'voxel_1_1', 'voxel_2_1'
+    assert f'"voxels": {json.dumps(names)}' in text
+    assert f'v_x {expected.v_x:.3f} m/s' in text
+    with pytest.raises(SystemExit):
+        main(['replay', str(tmp_path), '--shape', 'biped'])
+    assert 'are for controllers and runs, not for bags' in capsys.readouterr().err
+
+
 def test_bad_input_is_reported_in_one_line(bag, controller, tmp_path, capsys):
     other = tmp_path / 'other.npz'
     architecture = Architecture.named('U-nD', 'snn')
@@ -306,6 +323,8 @@ def test_bad_input_is_reported_in_one_line(bag, controller, tmp_path, capsys):
         ['replay', str(bag), str(tmp_path / 'nowhere' / 'page.html')],
         ['replay', str(bag), '--controller', str(other)],
         ['replay', str(controller), '--duration', '0'],
+        ['replay', str(controller), '--shape', 'bipd'],
+        ['replay', str(controller), '--without', 'voxel_0_1'],
         ['replay', str(controller), '--terrain', 'hily-1-10-0'],
     )
     for case in cases:
