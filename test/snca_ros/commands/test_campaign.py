@@ -139,7 +139,8 @@ def test_robust_controller_has_the_best_mean_of_the_last_whole_population(file, 
         assert len(individuals) == 8
         evaluator = Evaluator(config)
         means = np.mean([
-            [one.score for one in evaluator(individuals, start)] for start in range(1, 21)
+            [one.score for one in evaluator(individuals, config.conditions(start))]
+                for start in range(1, 21)
         ], axis=0)
         place = int(row['robust_rank']) - 1
         assert means[place] == means.max() == float(row['v_x_robust_chosen'])
