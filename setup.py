@@ -15,7 +15,7 @@ EXECUTABLES = (
 ROS = ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces']
 CLUSTER = ['distributed']
 CMA = ['cma', 'threadpoolctl']
-BODIES = ['ribs>=0.9,<0.13']
+BODIES = ['ribs>=0.7.1,<0.13']
 VIDEO = ['imageio-ffmpeg']
 TEST = [
     *CLUSTER, *CMA, *BODIES, *VIDEO,
