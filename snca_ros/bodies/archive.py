@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -31,12 +32,12 @@ class ScoredBody:
     scores: tuple[float, ...]
     wall_time: float | None = None
 
-    @property
+    @cached_property
     def cell(self) -> tuple[int, int]:
         """Return its cell in the archive: number of voxels, number of feet."""
         return self.body.n_voxels, count_feet(self.body)
 
-    @property
+    @cached_property
     def score(self) -> float:
         """Return the mean score."""
         return math.fsum(self.scores) / len(self.scores)

@@ -59,6 +59,7 @@ class SearchFolder:
 
     def __init__(self, path: Path, settings: SearchSettings, trained: TrainedController) -> None:
         self.path, self.settings, self.trained = path, settings, trained
+        self._rows: list[list] = []
         self._written: dict[tuple[int, int], ScoredBody] = {}
         try:
             path.mkdir(parents=True, exist_ok=True)
@@ -119,6 +120,7 @@ class SearchFolder:
                 expected = 'a row as this search has written it'
                 raise InvalidInput(f'row {i + 1}', row, expected, str(path)) from None
             found.append(one)
+        self._rows = rows
         return found
 
     def _can_follow(self, one: ScoredBody, before: Sequence[ScoredBody]) -> bool:
@@ -138,7 +140,8 @@ class SearchFolder:
 
     def save(self, search: BodySearch) -> None:
         """Write bodies.csv, then archive.csv and the controller files of new elites."""
-        write_csv(self.path / BODIES, self._columns, map(self._row, search.scored))
+        self._rows += map(self._row, search.scored[len(self._rows) :])
+        write_csv(self.path / BODIES, self._columns, self._rows)
         self._write_derived(search)
 
     def _write_derived(self, search: BodySearch) -> None:

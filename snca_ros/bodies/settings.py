@@ -24,7 +24,7 @@ class SearchSettings:
 
     episodes: int = constant(10_000, 1, 10**9, 'total number of episodes')
     starts: int = constant(
-        5, 1, 10_000, 'pushed starts, an episode each, over which the score of a body is the mean'
+        8, 1, 10_000, 'pushed starts, an episode each, over which the score of a body is the mean'
     )
     voxels: int = constant(20, 1, 1024, 'largest number of voxels of a body')
     width: int = constant(9, 1, 32, 'largest number of columns of a body')

@@ -226,7 +226,7 @@ def test_a_changed_table_is_refused(begun, trained, old, new):
 
 
 @pytest.mark.parametrize(('arguments', 'words'), [
-    (['--episodes', '4'], ['episodes', 'at least 5']), (['--duration', '5'], ['duration']),
+    (['--episodes', '4'], ['episodes', 'at least 8']), (['--duration', '5'], ['duration']),
     (['--terrain', 'flatt'], ["did you mean 'flat'?"]), (['--voxels', '0'], ['voxels']),
     (['--figure', 'a.xyz'], ['figure']),
 ])
