@@ -8,16 +8,17 @@ from setuptools import find_packages, setup
 PACKAGE = 'snca_ros'
 EXECUTABLES = (
     'sim_node', 'voxel_node', 'recorder_node',
-    'evolve', 'history', 'walk', 'voxels', 'policy', 'campaign', 'study', 'assess', 'report',
-    'replay', 'render', 'firmware',
+    'evolve', 'history', 'walk', 'voxels', 'policy', 'campaign', 'study', 'assess', 'bodies',
+    'report', 'replay', 'render', 'firmware',
 )
 
 ROS = ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces']
 CLUSTER = ['distributed']
 CMA = ['cma', 'threadpoolctl']
+BODIES = ['ribs>=0.7.1,<0.13']
 VIDEO = ['imageio-ffmpeg']
 TEST = [
-    *CLUSTER, *CMA, *VIDEO,
+    *CLUSTER, *CMA, *BODIES, *VIDEO,
     'pytest', 'pytest-xdist', 'hypothesis', 'playwright', 'lxml', 'ruff', 'mypy',
     'types-PyYAML', 'wheel',
 ]
@@ -76,7 +77,9 @@ setup(
         'mcap>=1.1.1,<2', 'scipy>=1.11.4', 'matplotlib>=3.6.3,<4', 'pyyaml>=6', 'pillow>=10',
         'shtab>=1.6', 'websockets>=13',
     ],
-    extras_require={'ros': ROS, 'test': TEST, 'cluster': CLUSTER, 'cma': CMA, 'video': VIDEO},
+    extras_require={
+        'ros': ROS, 'test': TEST, 'cluster': CLUSTER, 'cma': CMA, 'bodies': BODIES, 'video': VIDEO,
+    },
     entry_points={'console_scripts': ['snca = snca_ros.__main__:main']},
     zip_safe=False,
 )

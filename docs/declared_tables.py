@@ -76,6 +76,7 @@ def options_table(command: str) -> str:
 
 TABLES: dict[str, Callable[[], str]] = {
     'faults': faults_table, 'topics': topics_table, 'evolve': lambda: options_table('evolve'),
+    'bodies': lambda: options_table('bodies'),
     **{node.name: partial(node_section, node) for node in NODES},
 }
 """By the name in a document's marker, `<!-- table NAME -->`."""

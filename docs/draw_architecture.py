@@ -38,7 +38,7 @@ ROOMS = {
         'The ways in: the `snca` command, `python -m snca_ros`, `import snca_ros`.',
     ),
     'commands': Room(
-        ('snca_ros.commands.*',), ('graph', 'web', 'rendering', 'comparison'),
+        ('snca_ros.commands.*',), ('graph', 'web', 'rendering', 'comparison', 'bodies'),
     ),
     'api': Room(
         ('snca_ros.api.*',), ('graph', 'web', 'rendering', 'comparison'),
@@ -50,6 +50,7 @@ ROOMS = {
     'rendering': Room(('snca_ros.rendering.*',), ('recording',)),
     'comparison': Room(('snca_ros.comparison.*',), ('campaign',)),
     'campaign': Room(('snca_ros.campaign.*',), ('assessment',)),
+    'bodies': Room(('snca_ros.bodies.*',), ('assessment',)),
     'assessment': Room(('snca_ros.assessment.*',), ('recording',)),
     'recording': Room(('snca_ros.recording.*',), ('evolution',)),
     'firmware': Room(('snca_ros.firmware.*',), ('controller',)),

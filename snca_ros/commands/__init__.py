@@ -17,6 +17,7 @@ COMMANDS = {
     'history': 'show the progress of runs of evolve',
     'campaign': 'evolve and assess many runs, resumable',
     'assess': 'score controllers on unseen terrains',
+    'bodies': 'search bodies of every size and number of feet for a controller',
     'firmware': 'write a trained cell as C for microcontrollers',
     'study': 'compare results of campaigns: statistics and figures on one page',
     'report': 'report on a bag: v_x, firing rates, lost messages',

@@ -51,7 +51,7 @@ def _naming(path: Path) -> Iterator[None]:
         raise InvalidInput('file', reason_of(error), expected, str(path)) from None
 
 
-def _holds(path: Path, trained: TrainedController) -> bool:
+def holds_controller(path: Path, trained: TrainedController) -> bool:
     """Return whether the controller file at `path` holds `trained`, except for `versions`."""
     try:
         found = load_controller(path)
@@ -258,7 +258,7 @@ class RunFolder:
             writer.writerow([int(generation), int(evaluations), *map(repr, scores)])
         write_text(self.path / 'history.csv', text.getvalue())
         trained = self.best(progress)
-        if not (only_if_changed and _holds(self.path / 'best.npz', trained)):
+        if not (only_if_changed and holds_controller(self.path / 'best.npz', trained)):
             save_controller(self.path / 'best.npz', trained)
 
     def best(self, progress: Progress) -> TrainedController:

@@ -140,8 +140,9 @@ def test_help_explains_every_option_and_its_examples_are_no_errors(name):
 
 
 REQUIRED = {
-    'assess': ['x.npz'], 'campaign': ['x.yaml'], 'policy': ['x.npz'], 'render': ['a.npz', 'b.gif'],
-    'replay': ['x.npz'], 'voxels': ['x.npz', '--only', '1/2'],
+    'assess': ['x.npz'], 'bodies': ['x.npz', '--out', 'x'], 'campaign': ['x.yaml'],
+    'policy': ['x.npz'], 'render': ['a.npz', 'b.gif'], 'replay': ['x.npz'],
+    'voxels': ['x.npz', '--only', '1/2'],
 }
 
 
@@ -253,7 +254,7 @@ def test_a_flag_does_not_take_the_next_argument(words, values, warning, capsys):
 
 
 COMMANDS_WITH_RESULTS = {
-    'walk', 'evolve', 'history', 'campaign', 'assess', 'study', 'report', 'render',
+    'walk', 'evolve', 'history', 'campaign', 'assess', 'bodies', 'study', 'report', 'render',
 }
 
 

@@ -17,6 +17,7 @@ from sim_node.model.solver import Solver
 from sim_node.ros.sim_interface import BodyOptions, RunOptions
 from sim_node.simulation import Simulation
 from snca_ros.assessment.trials import AssessmentOptions
+from snca_ros.bodies.settings import SearchSettings
 from snca_ros.commands.firmware import FirmwareOptions
 from snca_ros.commands.render import RenderOptions
 from snca_ros.commands.replay import ReplayOptions
@@ -30,7 +31,7 @@ INSTANCES = {type(instance).__name__: instance for instance in (
     Material(), Solver(), FaultsOfBody(), FaultsOfCells(), Faults(), RunConfig.named(),
     AssessmentOptions(), BodyOptions(), RunOptions(), VoxelOptions(), NeighborNames(),
     RecorderOptions(), ViewOptions(), WalkOptions(), RenderOptions(), ReplayOptions(),
-    WorkerOptions(), FirmwareOptions(),
+    WorkerOptions(), FirmwareOptions(), SearchSettings(),
 )}
 DECLARATIONS = {'constant', 'choice', 'flag', 'text_value', 'same_as'}
 FIELDS = [(name, f) for name, instance in INSTANCES.items() for f in declared(instance)]

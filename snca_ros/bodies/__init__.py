@@ -1,0 +1,1 @@
+"""MAP-Elites over bodies of one controller: the best of each size and number of feet."""
