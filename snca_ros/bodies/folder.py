@@ -165,8 +165,8 @@ class SearchFolder:
         """Return the controller in a body, with the mean of its scores as fitness."""
         engine = self.settings.engine
         return replace(
-            self.trained, morphology=one.body, terrain=self.settings.terrain, fitness=one.score,
-            chosen_by=engine, scores={engine: one.score}, wall_time=one.wall_time, versions={},
+            self.trained, morphology=one.body, home=None, terrain=self.settings.terrain,
+            fitness=one.score, chosen_by=engine, scores={engine: one.score}, wall_time=one.wall_time, versions={},
         )
 
     def close(self) -> None:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -49,7 +48,7 @@ def trials_of(
     """Return the episodes of bodies, ordered by body and pushed start."""
     return [
         Trial(in_body, settings.terrain, settings.engine, start, duration=settings.duration)
-        for in_body in (replace(trained, morphology=body) for body in bodies)
+        for in_body in map(trained.in_body, bodies)
         for start in range(1, 1 + settings.starts)
     ]
 
