@@ -11,12 +11,7 @@ import numpy as np
 from sim_node.engine import check_engine
 from sim_node.errors import InvalidInput
 from sim_node.model.constants import help_of
-from sim_node.model.terrain import (
-    DEFAULT_TERRAIN,
-    UNSEEN_TERRAINS,
-    parse_terrain,
-    unseen_terrains,
-)
+from sim_node.model.terrain import UNSEEN_TERRAINS, parse_terrain, unseen_terrains
 from snca_ros.assessment import fault_sweep
 from snca_ros.assessment.fault_sweep import parse_sweep, sweep_trials
 from snca_ros.assessment.trials import (
@@ -57,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='controller file (.npz), run folder, or the name of a bundled one')
     parser.add_argument('--terrains', metavar='NAMES',
                         help='terrains, separated by commas (default: the '
-                        f'{len(UNSEEN_TERRAINS)} unseen ones; with --faults {DEFAULT_TERRAIN})')
+                        f'{len(UNSEEN_TERRAINS)} unseen ones; with --faults that of the task)')
     add_option(parser, AssessmentOptions, 'terrain_seeds', metavar='N', default=None)
     add_option(parser, AssessmentOptions, 'engine')
     add_option(parser, AssessmentOptions, 'arithmetic')
@@ -89,10 +84,6 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         check_figure(args.figure)
     if args.csv:
         check_writable('csv', args.csv)
-    kinds = _kinds(args)
-    terrains = [name for names in kinds.values() for name in names]
-    for name in terrains:
-        parse_terrain(name)
     trained = [
         load_controller(find_controller(name)).in_arithmetic(args.arithmetic)
         for name in args.controllers
@@ -100,6 +91,10 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     for controller in trained:
         check_engine(args.engine, controller.solver)
     task = common_task(trained)
+    kinds = _kinds(args, task)
+    terrains = [name for names in kinds.values() for name in names]
+    for name in terrains:
+        parse_terrain(name)
     if args.faults:
         return _assess_faults(args, trained, terrains, opened, task)
     trials = [
@@ -144,7 +139,7 @@ def _write(
     })
 
 
-def _kinds(args: argparse.Namespace) -> dict[str, tuple[str, ...]]:
+def _kinds(args: argparse.Namespace, task: Task) -> dict[str, tuple[str, ...]]:
     """Return the names of the terrains of the command line, by kind.
 
     Without several seeds, each terrain is a kind of its own.
@@ -157,7 +152,7 @@ def _kinds(args: argparse.Namespace) -> dict[str, tuple[str, ...]]:
         found = unseen_terrains(args.terrain_seeds)
         if args.terrain_seeds > 1:
             return found
-    names = [DEFAULT_TERRAIN] if args.faults else [*UNSEEN_TERRAINS]
+    names = [task.terrain] if args.faults else [*UNSEEN_TERRAINS]
     if args.terrains is not None:
         names = args.terrains.split(',')
     return {name: (name,) for name in names}
