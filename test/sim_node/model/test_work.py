@@ -128,7 +128,7 @@ def test_an_actuator_that_returns_at_once_gets_some_of_its_work_back():
     assert 0.0 < -back < there / 2.0  # the masses have begun to move
     for _ in range(300):
         robot.step([0.5])
-    assert robot.step([0.0]) == pytest.approx([there], rel=1e-6)  # it rests at the other lengths
+    assert robot.step([0.0]) == pytest.approx([there], rel=1e-3)  # it rests at the other lengths
 
 
 def test_nothing_measured_costs_no_springs_and_has_the_same_types():

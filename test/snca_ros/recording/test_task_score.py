@@ -16,18 +16,18 @@ from snca_ros.recording.offline import record_offline
 from snca_ros.recording.task_score import score_walk
 
 SECONDS = 7.0
-FAULTS = parse_faults('broken_actuators=frozen:0.3@2,loss=0.2,seed=5')
+FAULTS = parse_faults('broken_actuators=frozen:0.1@2,loss=0.2,seed=5')
 
 
 @pytest.fixture(scope='module')
 def trained():
-    return snca.load('worm-U-D-mlp').trained
+    return snca.load('biped-U-D-mlp').trained
 
 
 @pytest.mark.parametrize('task', ['walk', 'jump', 'climb', 'economy'])
 def test_the_score_of_a_recorded_walk_is_that_of_its_episode(trained, task, tmp_path):
     own = replace(trained, task=task)
-    for terrain, faults in (('stairs-0.05-10', FAULTS), ('flat', None)):
+    for terrain, faults in (('flat', FAULTS), ('stairs-0.05-10', None)):
         recording, _ = record_offline(own, tmp_path, SECONDS, terrain, faults)
         trial = Trial(own, terrain, duration=SECONDS)
         expected = score(trial if faults is None else replace(trial, faults=faults)).score
@@ -54,14 +54,13 @@ def test_report_names_quantity_and_unit(trained, tmp_path, capsys):
     save_controller(tmp_path / 'climber.npz', climber)
     walked = snca.load(tmp_path / 'climber.npz').run(6.0, ('readings', 'actuation', 'values'))
     bag = tmp_path / 'bag'
-    bag.mkdir()
     write_messages(bag, messages_of_walk(Walk(
         walked.voxel_names, walked.centers, walked.readings[:-1], walked.actuation,
         values=walked.values,
     )))
     out = tmp_path / 'report.json'
-    command = ['report', str(bag), '--controller', str(tmp_path / 'climber.npz'), '--json', str(out)]
-    assert main(command) == 0
+    options = '--controller', str(tmp_path / 'climber.npz'), '--json', str(out)
+    assert main(['report', str(bag), *options]) == 0
     distance = walked.centers[-1, 0] - walked.centers[0, 0]
     assert f'task       climb: distance {distance:.3f} m\n' in capsys.readouterr().out
     assert json.loads(out.read_text())['task'] == {
