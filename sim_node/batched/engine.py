@@ -90,6 +90,7 @@ class Robots:
         group: state of the robots, which compiled code steps.
         sensing: sensors of the robots, which compiled code reads.
         step_count: number of control steps since the reset.
+        material: physical constants.
         feet_of_walls: x [m] of the feet of the walls of the ground, (2,).
 
     Raises:
@@ -109,7 +110,7 @@ class Robots:
     ) -> None:
         check_engine('batched', solver)
         self._body, self._push = build_body(morphology, terrain, material), push
-        self.feet_of_walls = terrain.feet_of_walls
+        self.feet_of_walls, self.material = terrain.feet_of_walls, material
         group = make_group(self._body, terrain.polygons, material, solver, width)
         self.group: Group = group
         self.sensing: Sensing = make_sensing(

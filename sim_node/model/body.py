@@ -5,6 +5,7 @@ of the model: first the 4 masses of each voxel; then, voxel by voxel, its 18 spr
 contraction limits and its welds to neighbours with a smaller index.
 """
 
+import functools
 import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -63,6 +64,31 @@ class Body:
     positions: np.ndarray
     constraints: Constraints
     rest_lengths: np.ndarray
+
+
+class Springs(NamedTuple):
+    """The springs of a robot, one row each, in their order among the constraints.
+
+    Attributes:
+        ends, anchors, stiffness: as of `Constraints`.
+        rest_lengths: (n_springs, 3) columns as the rows of `Body.rest_lengths`.
+    """
+
+    ends: np.ndarray
+    anchors: np.ndarray
+    stiffness: np.ndarray
+    rest_lengths: np.ndarray
+
+
+@functools.lru_cache(maxsize=16)
+def springs_of(morphology: Morphology, material: Material) -> Springs:
+    """Return the springs of a robot, the same number for each voxel in turn; do not modify them."""
+    table = _constraints(morphology, material)
+    rows = np.flatnonzero(table.kinds == SPRING)
+    return Springs(
+        table.ends[rows].astype(np.int64), table.anchors[rows], table.stiffness[rows],
+        np.ascontiguousarray(_rest_lengths(morphology, material).T),
+    )
 
 
 def build_body(morphology: Morphology, terrain: Terrain, material: Material) -> Body:

@@ -1,4 +1,4 @@
-"""Ground profiles by name: flat, hilly-h-w-seed, steppy-h-w-seed, uphill-angle, downhill-angle."""
+"""Ground profiles by name, such as flat, hilly-h-w-seed, steppy-h-w-seed, uphill-a, stairs-h-w."""
 
 import math
 import re
@@ -24,7 +24,7 @@ DEPTH = 50.0
 _STEP_RISE_WIDTH = 0.5
 _NUMBER = r'(\d+(?:\.\d+)?)'
 _SEED = r'(0|[1-9]\d*)'  # one name for each
-_MAX_HEIGHT, _MAX_RUN, _MAX_ANGLE = 100.0, 1000.0, 60.0
+_MAX_HEIGHT, _MAX_RUN, _MAX_ANGLE, _MAX_GROWTH = 100.0, 1000.0, 60.0, 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +78,9 @@ def parse_terrain(name: str) -> Terrain:
 
     Args:
         name: 'flat', 'hilly-<h>-<w>-<seed>', 'steppy-<h>-<w>-<seed>' (h: standard
-            deviation of the height changes [m], w: mean run [m]), 'uphill-<angle>' or
-            'downhill-<angle>' ([degrees]).
+            deviation of the height changes [m], w: mean run [m]), 'uphill-<angle>',
+            'downhill-<angle>' ([degrees]), or 'stairs-<h>-<w>' (the i-th rise is i h high [m], and
+            before it are w [m] of flat ground).
 
     Raises:
         InvalidInput: the name is none of these, or a number is out of range.
@@ -139,12 +140,27 @@ def _irregular(name: str, h: str, w: str, seed: str) -> tuple[list[float], list[
     return _between_walls(x, y)
 
 
+def _stairs(name: str, h: str, w: str) -> tuple[list[float], list[float]]:
+    """Return a staircase that becomes steeper: runs of w in x, and after the i-th a rise of i h."""
+    growth, run = float(h), float(w)
+    if growth > _MAX_GROWTH or not 1.0 <= run <= _MAX_RUN:
+        expected = f'h of at most {_MAX_GROWTH:g} and w from 1 to {_MAX_RUN:g}'
+        raise InvalidInput('terrain', name, expected)
+    x, y, n_rises = [WALL_WIDTH], [FLAT_LEVEL], 0
+    while x[-1] < LENGTH - WALL_WIDTH:
+        n_rises += 1
+        x += [x[-1] + run, x[-1] + run + _STEP_RISE_WIDTH]
+        y += [y[-1], y[-1] + n_rises * growth]
+    return _between_walls(x, y)
+
+
 _KINDS: dict[str, tuple[str, str, Callable]] = {
     'flat': ('flat', 'flat', _flat),
     'hilly': ('hilly-<h>-<w>-<seed>', rf'hilly-{_NUMBER}-{_NUMBER}-{_SEED}', _irregular),
     'steppy': ('steppy-<h>-<w>-<seed>', rf'steppy-{_NUMBER}-{_NUMBER}-{_SEED}', _irregular),
     'uphill': ('uphill-<degrees>', rf'uphill-{_NUMBER}', _slope),
     'downhill': ('downhill-<degrees>', rf'downhill-{_NUMBER}', _slope),
+    'stairs': ('stairs-<h>-<w>', rf'stairs-{_NUMBER}-{_NUMBER}', _stairs),
 }
 
 DEFAULT_TERRAIN = 'flat'

@@ -8,7 +8,7 @@ import numpy as np
 
 from sim_node.engine import DEFAULT_ENGINE, check_engine
 from sim_node.errors import InvalidInput, check_name
-from sim_node.model.terrain import DEFAULT_TERRAIN, UNSEEN_TERRAINS, parse_terrain
+from sim_node.model.terrain import UNSEEN_TERRAINS, parse_terrain
 from snca_ros.api.processes import worker_processes
 from snca_ros.api.robot import Robot, as_faults, load
 from snca_ros.assessment.fault_sweep import parse_sweep
@@ -21,7 +21,7 @@ from snca_ros.assessment.trials import (
 )
 from snca_ros.cell.models.arithmetic import DEFAULT_ARITHMETIC
 from snca_ros.evolution.episode import EPISODE
-from snca_ros.evolution.tasks import Task
+from snca_ros.evolution.tasks import TASKS, Task
 from snca_ros.faults import NO_FAULTS, Faults
 
 DIMS = ('robot', 'faults', 'terrain', 'start')
@@ -41,7 +41,7 @@ class Scores:
         task: task of the robots, which has quantity and unit of the values.
         wall_times: (n_robots, n_faults, n_terrains, n_starts, 2) times [s] at which the robot met
             the wall behind its start, and the wall at the end of the ground; NaN if it did not.
-            v_x is measured until the latter.
+            Scores are measured until the latter.
     """
 
     values: np.ndarray
@@ -107,7 +107,8 @@ def assess(
 
     Args:
         robots: one or several robots of one task, or arguments of `load`.
-        terrains: names of terrains; None for the 16 unseen ones, or with faults for 'flat'.
+        terrains: names of terrains; None for the 16 unseen ones, or with faults for that of the
+            task.
         starts: number of pushed starts besides the exact one; None for 0, or with faults for 9.
         faults: faults, see docs/robustness.md. One number may be a range, FROM..TO or
             FROM..TO..STEP, such as 'loss=0..0.9..0.1', for several faults.
@@ -125,7 +126,8 @@ def assess(
     loaded = [one if isinstance(one, Robot) else load(one) for one in several]
     all_faults = _all_faults(faults)
     if terrains is None:
-        terrains = UNSEEN_TERRAINS if faults is None else DEFAULT_TERRAIN
+        own = dict.fromkeys(TASKS.find(robot.trained.task).terrain for robot in loaded)
+        terrains = UNSEEN_TERRAINS if faults is None else own
     grounds = (terrains,) if isinstance(terrains, str) else tuple(terrains)
     if starts is None:
         starts = 0 if faults is None else FAULTY_STARTS

@@ -105,8 +105,8 @@ def wall_lines(times: np.ndarray, task: Task) -> list[str]:
     lines = [f'in {behind} {of} the robot met the wall behind its start'] if behind else []
     if ahead:
         lines.append(
-            f'in {ahead} {of} the robot met the wall at the end of the ground; v_x is measured '
-            f'until then'
+            f'in {ahead} {of} the robot met the wall at the end of the ground; {task.quantity} is '
+            f'measured until then'
         )
     return lines
 

@@ -166,7 +166,8 @@ class SearchFolder:
         engine = self.settings.engine
         return replace(
             self.trained, morphology=one.body, home=None, terrain=self.settings.terrain,
-            fitness=one.score, chosen_by=engine, scores={engine: one.score}, wall_time=one.wall_time, versions={},
+            fitness=one.score, chosen_by=engine, scores={engine: one.score},
+            wall_time=one.wall_time, versions={},
         )
 
     def close(self) -> None:

@@ -6,10 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from sim_node.errors import InvalidInput, check_keys
-from sim_node.model.physics import DEFAULT_PHYSICS
-from sim_node.model.solver import Solver
 from snca_ros.campaign.columns import check_comparable
-from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.config import RunConfig
 from snca_ros.yaml_file import read_yaml
 
@@ -66,13 +63,9 @@ def _product(values: dict[str, Any]) -> Iterator[dict[str, Any]]:
         yield dict(zip(values, choice, strict=True))
 
 
-def _run(
-    shape: Any, architecture: Any, neuron_model: Any, as_printed: Any = False,
-    physics: Any = DEFAULT_PHYSICS, **options: Any,
-) -> RunConfig:
+def _run(shape: Any, architecture: Any, neuron_model: Any, **options: Any) -> RunConfig:
     if isinstance(shape, int) and not isinstance(shape, bool):
         shape = str(shape)  # a grid of one row, such as 111
-    cells = Architecture.named(architecture, neuron_model, as_printed=as_printed)
-    config = RunConfig(shape, cells, solver=Solver(physics=physics), **options)
+    config = RunConfig.named(shape, architecture, neuron_model, **options)
     check_comparable(config)
     return config

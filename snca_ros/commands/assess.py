@@ -13,12 +13,7 @@ from sim_node.engine import check_engine
 from sim_node.errors import InvalidInput
 from sim_node.model.constants import help_of
 from sim_node.model.morphology import parse_morphology
-from sim_node.model.terrain import (
-    DEFAULT_TERRAIN,
-    UNSEEN_TERRAINS,
-    parse_terrain,
-    unseen_terrains,
-)
+from sim_node.model.terrain import UNSEEN_TERRAINS, parse_terrain, unseen_terrains
 from snca_ros.assessment import fault_sweep, transfer
 from snca_ros.assessment.fault_sweep import parse_sweep, sweep_trials
 from snca_ros.assessment.transfer import Transfer, in_bodies, matrix, transfer_trials
@@ -67,8 +62,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--without', default='', metavar='VOXELS', help=WITHOUT_HELP)
     parser.add_argument('--terrains', metavar='NAMES',
                         help='terrains, separated by commas (default: the '
-                        f'{len(UNSEEN_TERRAINS)} unseen ones; with --faults or --shape '
-                        f'{DEFAULT_TERRAIN})')
+                        f'{len(UNSEEN_TERRAINS)} unseen ones; with --faults or --shape that of the '
+                        'task)')
     add_option(parser, AssessmentOptions, 'terrain_seeds', metavar='N', default=None)
     add_option(parser, AssessmentOptions, 'engine')
     add_option(parser, AssessmentOptions, 'arithmetic')
@@ -101,10 +96,6 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         check_figure(args.figure)
     if args.csv:
         check_writable('csv', args.csv)
-    kinds = _kinds(args)
-    terrains = [name for names in kinds.values() for name in names]
-    for name in terrains:
-        parse_terrain(name)
     trained = [
         load_controller(find_controller(name)).in_arithmetic(args.arithmetic)
         for name in args.controllers
@@ -112,6 +103,10 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     for controller in trained:
         check_engine(args.engine, controller.solver)
     task = common_task(trained)
+    kinds = _kinds(args, task)
+    terrains = [name for names in kinds.values() for name in names]
+    for name in terrains:
+        parse_terrain(name)
     if args.shape:
         bodies = [parse_morphology(one).without(args.without) for one in args.shape.split(',')]
         placed = in_bodies(args.controllers, trained, bodies)
@@ -165,7 +160,7 @@ def _write(
     })
 
 
-def _kinds(args: argparse.Namespace) -> dict[str, tuple[str, ...]]:
+def _kinds(args: argparse.Namespace, task: Task) -> dict[str, tuple[str, ...]]:
     """Return the names of the terrains of the command line, by kind.
 
     Without several seeds, each terrain is a kind of its own.
@@ -178,7 +173,7 @@ def _kinds(args: argparse.Namespace) -> dict[str, tuple[str, ...]]:
         found = unseen_terrains(args.terrain_seeds)
         if args.terrain_seeds > 1:
             return found
-    names = [DEFAULT_TERRAIN] if args.faults or args.shape else [*UNSEEN_TERRAINS]
+    names = [task.terrain] if args.faults or args.shape else [*UNSEEN_TERRAINS]
     if args.terrains is not None:
         names = args.terrains.split(',')
     return {name: (name,) for name in names}

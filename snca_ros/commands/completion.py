@@ -52,10 +52,11 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 def _add_choices(command: argparse.ArgumentParser) -> None:
     """Set the choices of a command's options."""
     file = shtab.Choice('file')
+    of_tasks = dict.fromkeys(TASKS[name].terrain for name in TASKS)
     choices = {
         'shape': SHAPES, 'architecture': ARCHITECTURES, 'neuron_model': NEURON_MODELS,
         'engine': ENGINES, 'strategy': STRATEGIES, 'task': TASKS,
-        'terrain': ('flat', *UNSEEN_TERRAINS),
+        'terrain': (*of_tasks, *UNSEEN_TERRAINS),
         'controller': (file, *bundled_controllers()), 'controllers': (file, *bundled_controllers()),
         'source': (file, *bundled_controllers()), 'shell': shtab.SUPPORTED_SHELLS,
     }

@@ -8,13 +8,14 @@ from sim_node.errors import InvalidInput
 from snca_ros.bundled import find_controller
 from snca_ros.command_line import FormerlyWithValue
 from snca_ros.commands.json_output import add_json_option
-from snca_ros.controller_file import load_controller
+from snca_ros.controller_file import TrainedController, load_controller
 from snca_ros.files import FIGURE, PAGE, check_writable
 from snca_ros.recording.bag import Recording, read_bag
 from snca_ros.recording.body import in_body_of
 from snca_ros.recording.energy import count_operations, energy_lines
 from snca_ros.recording.gait import Gait, measure_gait
 from snca_ros.recording.report import as_dict, report_lines
+from snca_ros.recording.task_score import score_walk
 
 EXAMPLES = """
   snca report bags/mine
@@ -38,8 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--page', type=Path, metavar='FILE',
                         help=f'file of that page (default BAG/{PAGE}); implies --html')
     parser.add_argument('--controller', metavar='CONTROLLER',
-                        help='controller of the walk in the bag, to add the operations of its '
-                        'cells to the report, and thresholds to the page')
+                        help='controller of the walk in the bag, to add the score by its task '
+                        'and the operations of its cells to the report, and thresholds to the page')
     parser.add_argument('--episode', type=int, default=-1, metavar='N',
                         help='number of the episode in a bag with resets, from 0 (default: last)')
 
@@ -58,7 +59,11 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     print_report(recording, gait, args.figure)
     report = as_dict(recording, gait)
     if args.controller:
-        report['operations'] = _print_operations(recording, gait, args.controller)
+        trained = in_body_of(recording, load_controller(find_controller(args.controller)))
+        if trained.home:
+            print(f'\n{args.controller}, {trained.evolved}, in the body of the bag', flush=True)
+        report['task'] = print_task(recording, trained)
+        report['operations'] = _print_operations(recording, gait, trained)
     args.write_json(report)
     if page:
         from snca_ros.commands.replay import write_bag_page
@@ -67,11 +72,17 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     return 0
 
 
-def _print_operations(recording: Recording, gait: Gait, controller: str) -> dict | None:
+def print_task(recording: Recording, trained: TrainedController) -> dict:
+    """Print the score of the walk by the task of its controller; return it for JSON."""
+    found = score_walk(recording, trained)
+    print(found.line, flush=True)
+    return asdict(found)
+
+
+def _print_operations(
+    recording: Recording, gait: Gait, trained: TrainedController
+) -> dict | None:
     """Print operations and energy of the cells; return the operations, None if unknown."""
-    trained = in_body_of(recording, load_controller(find_controller(controller)))
-    if trained.home:
-        print(f'\n{controller}, {trained.evolved}, in the body of the bag', flush=True)
     operations = count_operations(trained, recording.readings, recording.spikes)
     if operations is None:
         return None

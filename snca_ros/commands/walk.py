@@ -25,7 +25,7 @@ from snca_ros.command_line import FormerlyWithValue
 from snca_ros.commands.body_options import add_body_options, load_in_body
 from snca_ros.commands.declared_options import add_option
 from snca_ros.commands.json_output import add_json_option
-from snca_ros.commands.report import print_report
+from snca_ros.commands.report import print_report, print_task
 from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import run_episode
 from snca_ros.faults import FAULTS_HELP, Faults, parse_faults
@@ -161,10 +161,13 @@ def _run(
     recording = read_bag(bag)
     gait = measure_gait(recording)
     print_report(recording, gait)
+    task = print_task(recording, trained)
     may_differ = args.respawn or factor > 0.0
     text, as_expected = compare_with_twin(recording.centers, offline, may_differ)
     print(text)
-    args.write_json({**as_dict(recording, gait), 'offline_twin': text, 'as_expected': as_expected})
+    args.write_json({
+        **as_dict(recording, gait), 'task': task, 'offline_twin': text, 'as_expected': as_expected,
+    })
     return 0 if as_expected else 1
 
 

@@ -51,7 +51,9 @@ class RunConfig:
 
     shape: str
     architecture: Architecture
-    terrain: str = text_value(DEFAULT_TERRAIN, 'ground', TERRAIN_FORM)
+    terrain: str = text_value(
+        DEFAULT_TERRAIN, 'ground; if it is not given, that of the task', TERRAIN_FORM
+    )
     evaluations: int = constant(30_000, 1, 10**9, 'total number of episodes')
     seed: int = constant(0, 0, 2**32 - 1, 'seed of all random numbers')
     population: int = constant(36, 4, 100_000, 'individuals per generation')
@@ -172,7 +174,7 @@ class RunConfig:
         """Return a configuration from the names of an architecture and a physics.
 
         Args:
-            shape, settings: see `RunConfig`.
+            shape, settings: see `RunConfig`; the default terrain is that of the task.
             architecture, neuron_model, n_c, hidden, as_printed, sensors: see
                 `Architecture.named`.
             physics: one of `sim_node.model.physics.PHYSICS`.
@@ -181,6 +183,8 @@ class RunConfig:
             architecture, neuron_model, n_c=n_c, hidden=hidden, as_printed=as_printed,
             sensors=sensors,
         )
+        task = check_task(settings.get('task', DEFAULT_TASK))
+        settings = {'terrain': task.terrain, **settings}
         return cls(shape, cell, solver=Solver(physics=physics), **settings)
 
     @classmethod

@@ -1,15 +1,18 @@
 """Episodes of one robot: its centre of mass and the records of a task at each control step."""
 
-from collections.abc import Callable, Iterable
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from sim_node.control_time import steps_in
-from sim_node.engine import Engine
+from sim_node.engine import Engine, RobotArrays
 from sim_node.errors import check_name
+from sim_node.model.material import Material
 from sim_node.model.meetings import note_meetings
+from sim_node.model.morphology import Morphology
 from sim_node.model.sensors import center_of_mass
+from sim_node.model.work import WorkMeter, make_work_meter, measure_work, nothing_measured
 from sim_node.munk2d.engine import PymunkEngine, move_disturbed
 from sim_node.numerics.jit import compiled
 from sim_node.simulation import Diverged, Simulation
@@ -31,21 +34,45 @@ LONGEST = 3600.0
 class Records(NamedTuple):
     """Arrays that compiled code records besides the centres of mass."""
 
-    sources: tuple[np.ndarray, ...]  # arrays of the engine, (n_voxels,) or in lanes (n_voxels, W)
+    sources: tuple[np.ndarray, ...]  # (n_voxels,) or in lanes (n_voxels, W)
     rows: np.ndarray  # (n_sources, n_steps, *shape of a source), written
+    meter: WorkMeter  # of the source `work`; without springs if it is not recorded
+    masses: np.ndarray  # (n_masses, 3 or more, W) of the engine
+    actuation: np.ndarray  # (n_voxels, W) of the engine
 
     @classmethod
-    def of(cls, sources: Iterable[np.ndarray], n_steps: int) -> 'Records | None':
-        """Return records of the sources for `n_steps` control steps; None if there is no source."""
-        found = tuple(sources)
-        if not found:
+    def of(
+        cls, names: tuple[str, ...], world: Any, n_steps: int, morphology: Morphology,
+        material: Material,
+    ) -> 'Records | None':
+        """Return the records of those names for `n_steps` control steps; None if there is no name.
+
+        Args:
+            names: of `tasks.task.RECORDS`.
+            world: has the engine's arrays as attributes, as `RobotArrays`; in lanes they have a
+                last axis of W. The robots are at their start.
+            n_steps: number of control steps.
+            morphology, material: of the robots.
+        """
+        if not names:
             return None
-        return cls(found, np.empty((len(found), n_steps, *found[0].shape)))
+        n_masses, n_fields, *_ = world.masses.shape
+        masses = world.masses.reshape(n_masses, n_fields, -1)
+        actuation = world.actuation.reshape(morphology.n_voxels, -1)
+        meter = make_work_meter(morphology, material, masses.shape[2])
+        work = meter.work.reshape(world.actuation.shape)
+        sources = tuple(work if name == 'work' else getattr(world, name) for name in names)
+        if 'work' not in names:
+            meter = nothing_measured(meter)
+        measure_work(meter, masses, actuation)
+        rows = np.empty((len(names), n_steps, *work.shape))
+        return cls(sources, rows, meter, masses, actuation)
 
 
 @compiled
 def record(records, k):
     """Record the sources as they are after control step `k`."""
+    measure_work(records.meter, records.masses, records.actuation)
     for i in range(len(records.sources)):
         records.rows[i, k] = records.sources[i]
 
@@ -103,14 +130,26 @@ def run_episode(
     return run(simulation, controller, steps_in(duration), records)
 
 
+class Cells(Protocol):
+    """What actuates a robot: a `Controller`, or anything that steps like one."""
+
+    def reset(self) -> None:
+        """Go back to the start of an episode."""
+
+    def step(self, readings: np.ndarray) -> np.ndarray:
+        """Return the actuation, (n_voxels,), for readings, (n_voxels, n_sensors)."""
+
+
 def run_step_by_step(
-    simulation: Simulation, controller: Controller, n_steps: int, records: tuple[str, ...] = ()
+    simulation: Simulation, controller: Cells, n_steps: int, records: tuple[str, ...] = ()
 ) -> Episode:
     """Run an episode of `n_steps` control steps, in any engine."""
     readings = simulation.reset()
     controller.reset()
     centers = [simulation.center]
     rows = {name: np.empty((n_steps, simulation.morphology.n_voxels)) for name in records}
+    meter = make_work_meter(simulation.morphology, simulation.material)
+    _work(meter, simulation.world)
     diverged = False
     for k in range(n_steps):
         try:
@@ -120,10 +159,18 @@ def run_step_by_step(
             break
         centers.append(simulation.center)
         for name, array in rows.items():
-            array[k] = getattr(simulation.world, name)
+            world = simulation.world
+            array[k] = _work(meter, world) if name == 'work' else getattr(world, name)
     done = len(centers) - 1
     kept = {name: array[:done] for name, array in rows.items()}
     return Episode(np.array(centers), diverged, records=kept, walls=simulation.walls)
+
+
+def _work(meter: WorkMeter, world: RobotArrays) -> np.ndarray:
+    """Return the work of one robot in the last control step, (n_voxels,), see `measure_work`."""
+    masses, actuation = map(np.ascontiguousarray, (world.masses, world.actuation))
+    measure_work(meter, masses[:, :, np.newaxis], actuation[:, np.newaxis])
+    return meter.work[:, 0]
 
 
 def run_compiled(
@@ -133,7 +180,9 @@ def run_compiled(
     simulation.reset()
     controller.reset()
     centers = np.empty((n_steps + 1, 2))
-    recorded = Records.of((getattr(simulation.world, name) for name in records), n_steps)
+    recorded = Records.of(
+        records, simulation.world, n_steps, simulation.morphology, simulation.material
+    )
     done = _walk(
         simulation.world,
         simulation.sensing,

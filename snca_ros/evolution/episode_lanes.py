@@ -1,6 +1,7 @@
 """Episodes of several controllers side by side in the batched engine, with one robot each."""
 
 import functools
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -84,8 +85,7 @@ def run_episodes(
     centers = np.empty((n_steps + 1, 2, width))
     done = np.zeros(width, dtype=np.int64)
     robots.reset(push)
-    lanes = (getattr(robots.group, name)['lane'][:, 0] for name in records)
-    recorded = Records.of(lanes, n_steps)
+    recorded = Records.of(records, _world(robots), n_steps, morphology, robots.material)
     meetings = table_of_meetings(width)
     _walk(
         robots.group, robots.sensing, cells, centers, done, recorded,
@@ -100,6 +100,14 @@ def run_episodes(
         )
         for lane, n in enumerate(done[: len(candidates)].tolist())
     ]
+
+
+def _world(robots: Robots) -> SimpleNamespace:
+    """Return the arrays that `Records` take, with the lanes as their last axis."""
+    group = robots.group
+    names = 'actuation', 'area_ratios', 'touching'
+    lanes = {name: getattr(group, name)['lane'][:, 0] for name in names}
+    return SimpleNamespace(masses=group.mass_lanes, **lanes)
 
 
 class SideBySide:

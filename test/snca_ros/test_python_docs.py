@@ -66,7 +66,7 @@ def test_every_line_of_the_page_runs(tmp_path, monkeypatch, capsys, own_tasks):
                 assert '->' not in line
     assert told > 10
     assert (tmp_path / 'tripod.npz').exists()
-    assert len(set(names['jumper'].history['median'])) == 3  # 3 generations, and jumps differ
+    assert len(set(names['bobber'].history['median'])) == 3  # 3 generations, and scores differ
     assert capsys.readouterr().out.count('EvolutionRun(') == 3  # one per generation
 
 

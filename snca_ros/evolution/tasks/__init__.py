@@ -8,13 +8,17 @@ is a room of its own below that code: it imports neither engines nor evolution.
 """
 
 from sim_node.errors import InvalidInput, check_name
+from sim_node.model.terrain import parse_terrain
 from sim_node.registry import Registry
+from snca_ros.evolution.tasks.climb import Climb
+from snca_ros.evolution.tasks.economy import Economy
+from snca_ros.evolution.tasks.jump import Jump
 from snca_ros.evolution.tasks.task import RECORDS, Episode, Scored, Task, score_of
 from snca_ros.evolution.tasks.walk import Walk
 
 __all__ = [
-    'DEFAULT_TASK', 'RECORDS', 'TASKS', 'Episode', 'Scored', 'Task', 'Walk', 'check_task',
-    'score_of',
+    'DEFAULT_TASK', 'RECORDS', 'TASKS', 'Climb', 'Economy', 'Episode', 'Jump', 'Scored', 'Task',
+    'Walk', 'check_task', 'score_of',
 ]
 
 DEFAULT_TASK = 'walk'
@@ -30,7 +34,7 @@ class TaskRegistry(Registry[Task]):
 
         Raises:
             InvalidInput: it is no object of a class derived from `Task` with a quantity and a unit,
-                or the name is taken.
+                its terrain is none, or the name is taken.
         """
         where = f'{self.kind} {name}'
         if not isinstance(entry, Task):
@@ -41,10 +45,16 @@ class TaskRegistry(Registry[Task]):
                 raise InvalidInput(f'{where}.{field}', value, "a string, such as 'm/s'")
         if not isinstance(entry.records, tuple):
             raise InvalidInput(f'{where}.records', entry.records, "a tuple, as ('actuation',)")
+        try:
+            parse_terrain(entry.terrain)
+        except InvalidInput as error:
+            raise InvalidInput(f'{where}.terrain', error.value, error.expected) from None
         super().register(name, entry)
 
 
-TASKS = TaskRegistry('task', {DEFAULT_TASK: Walk()})
+TASKS = TaskRegistry('task', {
+    DEFAULT_TASK: Walk(), 'jump': Jump(), 'climb': Climb(), 'economy': Economy(),
+})
 """Tasks by name."""
 
 

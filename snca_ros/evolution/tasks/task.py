@@ -10,12 +10,13 @@ import numpy as np
 
 from sim_node.control_time import CONTROL_RATE, steps_in
 from sim_node.errors import InvalidInput
+from sim_node.model.terrain import DEFAULT_TERRAIN
 from sim_node.walls import NO_WALLS, Walls
 
 TRANSIENT = 5.0
 """What is not scored at the start of an episode [s] (paper, section 4.1)."""
 
-RECORDS = ('actuation', 'area_ratios', 'touching')
+RECORDS = ('actuation', 'area_ratios', 'touching', 'work')
 """Arrays of an episode that a task can ask for, (n_steps, n_voxels) each, see `Episode`."""
 
 
@@ -30,7 +31,7 @@ class Episode:
         records: the arrays of `RECORDS` that were asked for, by name, (n_steps, n_voxels) each.
             Row k belongs to control step k: `actuation` in [-1, 1] as it acted during the step;
             `area_ratios` (area over area at rest) and `touching` (1.0 on the ground, else 0.0)
-            after it.
+            after it; `work` of each voxel's actuator in it [J], see `sim_node.model.work`.
         walls: the walls that the robot met, and when.
     """
 
@@ -49,11 +50,15 @@ class Episode:
         )
 
 
+def first_scored(n_steps: int, transient: float) -> int:
+    """Return the first control step that is scored; 0 if all belong to the transient [s]."""
+    first = steps_in(transient)
+    return first if first < n_steps else 0
+
+
 def mean_velocity(x: np.ndarray, transient: float = TRANSIENT) -> float:
     """Return the mean velocity [m/s] of positions `x` [m], one per control step from step 0."""
-    first = steps_in(transient)
-    if len(x) <= first + 1:
-        first = 0
+    first = first_scored(len(x) - 1, transient)
     if len(x) < 2:
         return 0.0
     return float((x[-1] - x[first]) / ((len(x) - 1 - first) / CONTROL_RATE))
@@ -66,17 +71,20 @@ class Task(ABC):
         quantity: what is scored, as a column name, such as 'v_x'.
         unit: of the score, such as 'm/s'; '' if it has none.
         records: names of `RECORDS` that `score` needs; centres of mass are always recorded.
+        terrain: name of the terrain on which robots evolve unless another one is given.
     """
 
     quantity: str
     unit: str
     records: tuple[str, ...] = ()
+    terrain: str = DEFAULT_TERRAIN
 
     @abstractmethod
     def score(self, episode: Episode, transient: float) -> float:
         """Return the score of an episode that did not diverge; larger is better.
 
-        It must depend on nothing but the arguments.
+        It must depend on nothing but the arguments, and not on what follows the meeting with the
+        wall at the end of the ground (`episode.walls.free_part`).
 
         Args:
             episode: what was recorded.

@@ -19,7 +19,7 @@ from sim_node.model.terrain import (
 
 TAN20 = 0.36397023426620234
 nearly_names = st.from_regex(
-    r'(flat|hilly|steppy|uphill|downhill|)(-[0-9.]{0,6}){0,4}', fullmatch=True
+    r'(flat|hilly|steppy|uphill|downhill|stairs|)(-[0-9.]{0,6}){0,4}', fullmatch=True
 )
 
 
@@ -100,6 +100,21 @@ def test_steppy_is_flat_runs_and_short_rises(spread, run):
     n = len(runs)
     assert runs.mean() == pytest.approx(run, abs=4 * 0.25 * run / n**0.5)
     assert rises.std() == pytest.approx(spread, rel=4 / (2 * n) ** 0.5)
+
+
+@pytest.mark.parametrize(('growth', 'run'), [('0.1', 10.0), ('0.25', 7.5)])
+def test_stairs_are_flat_runs_and_rises_that_grow(growth, run):
+    stairs = parse_terrain(f'stairs-{growth}-{run}')
+    check_profile(stairs)
+    assert stairs.height_at(10.0) == stairs.height_at(10.0 + run) == 5.0
+    for n in (1, 2, 7, 30):  # on the flat after the n-th rise
+        x = 10.0 + n * (run + 0.5) + run / 2
+        assert stairs.height_at(x) == pytest.approx(5.0 + float(growth) * n * (n + 1) / 2)
+    rises = np.diff(stairs.y[1:-1])
+    assert (rises[::2] == 0.0).all()
+    assert rises[1::2] == pytest.approx(float(growth) * np.arange(1, len(rises) // 2 + 1))
+    assert np.diff(stairs.x[1:-1]) == pytest.approx(np.tile([run, 0.5], len(rises) // 2))
+    assert 1990.0 <= stairs.x[-2] < 1990.0 + run + 0.5
 
 
 def test_runs_are_never_shorter_than_one_metre():
@@ -194,7 +209,9 @@ def test_any_numbers_in_range_are_accepted(kind, spread, run, seed):
         '', 'flat-', 'flat-1', ' flat', 'flat\n', 'Flat', 'hilly', 'hilly-1-10', 'hilly-1-10-0-0',
         'hilly--1-10-0', 'hilly-1-10--1', 'hilly-1-10-0.5', 'hilly-1-0.9-0', 'hilly-1-1001-0',
         'hilly-101-10-0', 'hilly-nan-10-0', 'hilly-1e1-10-0', 'steppy-1-10', 'uphill', 'uphill-',
-        'uphill-61', 'uphill--5', 'downhill-90', 'hilly-١-10-0', 'hilly-1-10-' + '0' * 60, None, 3,
+        'uphill-61', 'uphill--5', 'downhill-90', 'stairs', 'stairs-0.1', 'stairs-0.1-10-0',
+        'stairs-1.01-10', 'stairs-0.1-0.9', 'stairs-0.1-1001', 'hilly-١-10-0',
+        'hilly-1-10-' + '0' * 60, None, 3,
     ],
 )
 def test_invalid_names_are_rejected(name):
@@ -203,12 +220,17 @@ def test_invalid_names_are_rejected(name):
 
 
 def test_limits_are_inclusive():
-    for name in ('hilly-100-1-0', 'hilly-0-1000-0', 'uphill-60', 'downhill-0'):
+    for name in (
+        'hilly-100-1-0', 'hilly-0-1000-0', 'uphill-60', 'downhill-0', 'stairs-1-1', 'stairs-0-1000',
+    ):
         check_profile(parse_terrain(name))
     assert parse_terrain('uphill-60').height_at(11.0) == pytest.approx(5.0 + math.sqrt(3.0))
 
 
-@pytest.mark.parametrize('name', ['flat', *UNSEEN_TERRAINS, 'steppy-100-1-0', 'uphill-60'])
+@pytest.mark.parametrize(
+    'name',
+    ['flat', *UNSEEN_TERRAINS, 'steppy-100-1-0', 'uphill-60', 'stairs-0.1-10', 'stairs-1-1'],
+)
 def test_polygons_are_their_own_convex_hulls(name):
     terrain = parse_terrain(name)
     polygons = [[tuple(p) for p in polygon] for polygon in terrain.polygons.tolist()]

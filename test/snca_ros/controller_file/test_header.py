@@ -302,7 +302,8 @@ def test_reading_a_controller_loads_tasks_but_no_evolution(path, header):
         [sys.executable, '-c', program], check=True, capture_output=True, text=True, timeout=LIMIT,
         env={**os.environ, 'PYTHONPATH': str(ROOT)},
     ).stdout.strip()
-    tasks = [f'snca_ros.evolution.tasks{part}' for part in ('', '.task', '.walk')]
+    parts = '', '.climb', '.economy', '.jump', '.task', '.walk'
+    tasks = [f'snca_ros.evolution.tasks{part}' for part in parts]
     assert found == f'{tasks} False'
 
 

@@ -19,6 +19,7 @@ from sim_node.batched.engine import Robots
 from sim_node.errors import InvalidInput
 from sim_node.model.material import Material
 from sim_node.model.solver import Solver
+from sim_node.model.work import make_work_meter, measure_work
 from sim_node.simulation import Simulation
 from snca_ros import cli
 from snca_ros.assessment.fault_sweep import parse_sweep
@@ -41,7 +42,7 @@ from snca_ros.evolution.workers import IN_PROCESS, local_workers
 from snca_ros.faults import parse_faults
 
 
-class Jump(Task):
+class Leap(Task):
     """The highest rise of the centre of mass above an earlier low, after the transient."""
 
     quantity, unit = 'rise', 'm'
@@ -66,10 +67,10 @@ class Hover(Task):
 
 @pytest.fixture(autouse=True)
 def tasks():
-    TASKS.register('jump', Jump())
+    TASKS.register('leap', Leap())
     TASKS.register('hover', Hover())
     yield
-    del TASKS['jump'], TASKS['hover']
+    del TASKS['leap'], TASKS['hover']
 
 
 CONFIG = RunConfig(
@@ -103,11 +104,20 @@ def loop(simulation, controller, n_steps):
     controller.reset()
     readings, centers = simulation.reset(), [simulation.center]
     rows = {name: [] for name in RECORDS}
+    meter = make_work_meter(simulation.morphology, simulation.material)
+
+    def work():
+        masses, actuation = simulation.world.masses, simulation.world.actuation
+        measure_work(meter, masses[..., None].copy(), actuation[..., None].copy())
+        return meter.work[:, 0]
+
+    work()
     for _ in range(n_steps):
         readings = simulation.step(controller.step(readings))
         centers.append(simulation.center)
         for name in RECORDS:
-            rows[name].append(getattr(simulation.world, name).copy())
+            row = work() if name == 'work' else getattr(simulation.world, name)
+            rows[name].append(row.copy())
     return np.array(centers), {name: np.array(row) for name, row in rows.items()}
 
 
@@ -117,7 +127,9 @@ def assert_records(episode, rows, names):
         np.testing.assert_array_equal(episode.records[name], rows[name], strict=True)
 
 
-@pytest.mark.parametrize('names', [RECORDS, ('touching',), ('area_ratios', 'actuation')])
+@pytest.mark.parametrize(
+    'names', [RECORDS, ('touching',), ('work',), ('area_ratios', 'actuation')]
+)
 @pytest.mark.parametrize('text', ['', 'broken_actuators=frozen:0.5@0.5,sensor_noise=0.05,seed=2'])
 @pytest.mark.parametrize('engine', ['pymunk', 'batched'])
 def test_episodes_record_the_bits_of_the_loop(engine, text, names):
@@ -139,7 +151,7 @@ def test_episodes_record_the_bits_of_the_loop(engine, text, names):
         np.testing.assert_array_equal(bare.centers, centers)
 
 
-@pytest.mark.parametrize('names', [RECORDS, ('touching',)])
+@pytest.mark.parametrize('names', [RECORDS, ('touching',), ('work',)])
 @pytest.mark.parametrize('width', [4, 16])
 def test_lanes_record_the_bits_of_a_robot_alone(width, names):
     simulation = Simulation('biped', 'hilly-0.5-10-0', engine='batched')
@@ -189,14 +201,14 @@ def test_records_end_where_the_physics_diverges(runner):
 
 
 def test_unknown_records_are_refused_before_there_is_a_run():
-    class Wrong(Jump):
+    class Wrong(Leap):
         records = ('touching', 'colour')
 
     simulation = Simulation('11-10')
     own = Controller(
         CONFIG.architecture, simulation.morphology, parameters_of(simulation.morphology)[0]
     )
-    expected = "got 'colour', expected one of actuation, area_ratios, touching"
+    expected = f"got 'colour', expected one of {', '.join(RECORDS)}"
     with pytest.raises(InvalidInput, match=f'records: {expected}'):
         run_episode(simulation, own, 0.1, ('colour',))
     TASKS.register('wrong', Wrong())
@@ -208,7 +220,7 @@ def test_unknown_records_are_refused_before_there_is_a_run():
 
 
 def test_a_score_that_cannot_be_compared_is_refused():
-    class Broken(Jump):
+    class Broken(Leap):
         def score(self, episode, transient):
             return np.nan
 
@@ -218,10 +230,10 @@ def test_a_score_that_cannot_be_compared_is_refused():
 
 
 def test_labels():
-    assert [TASKS[name].label for name in ('walk', 'jump', 'hover')] == [
+    assert [TASKS[name].label for name in ('walk', 'leap', 'hover')] == [
         'v_x [m/s]', 'rise [m]', 'airborne'
     ]
-    assert [TASKS[name].in_unit(0.12345) for name in ('walk', 'jump', 'hover')] == [
+    assert [TASKS[name].in_unit(0.12345) for name in ('walk', 'leap', 'hover')] == [
         '0.123 m/s', '0.123 m', '0.123'
     ]
     assert TASKS['walk'].in_unit(2.0, 1) == '2.0 m/s'
@@ -230,7 +242,7 @@ def test_labels():
 # --- evolution --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize('task', ['walk', 'jump', 'hover'])
+@pytest.mark.parametrize('task', ['walk', 'leap', 'hover'])
 @pytest.mark.parametrize('engine', ['pymunk', 'batched'])
 def test_a_task_evolves_is_saved_loaded_and_assessed(engine, task, tmp_path):
     config = replace(CONFIG, engine=engine, task=task)
@@ -255,12 +267,12 @@ def test_the_task_decides_which_robot_is_the_best():
     several = parameters_of(CONFIG.simulation().morphology, 20)
     scored = {
         task: list(evaluate(IN_PROCESS, replace(CONFIG, task=task), several))
-        for task in ('walk', 'jump', 'hover')
+        for task in ('walk', 'leap', 'hover')
     }
     order = {
         task: np.argsort([one.score for one in found]).tolist() for task, found in scored.items()
     }
-    assert order['walk'] != order['jump'] != order['hover'] != order['walk']
+    assert order['walk'] != order['leap'] != order['hover'] != order['walk']
 
 
 @pytest.fixture(scope='module')
@@ -269,8 +281,8 @@ def plugin(tmp_path_factory):
     folder = tmp_path_factory.mktemp('plugin')
     lines = [
         'import numpy as np',
-        'from snca_ros.evolution.tasks import TASKS, Task', inspect.getsource(Jump),
-        inspect.getsource(Hover), "TASKS.register('jump', Jump())",
+        'from snca_ros.evolution.tasks import TASKS, Task', inspect.getsource(Leap),
+        inspect.getsource(Hover), "TASKS.register('leap', Leap())",
         "TASKS.register('hover', Hover())",
     ]
     (folder / 'own_tasks.py').write_text('\n'.join(lines))
@@ -286,7 +298,7 @@ def run_snca(plugin, *arguments, cwd):
     )
 
 
-@pytest.mark.parametrize(('engine', 'task'), [('pymunk', 'hover'), ('batched', 'jump')])
+@pytest.mark.parametrize(('engine', 'task'), [('pymunk', 'hover'), ('batched', 'leap')])
 def test_two_workers_know_it_from_a_plugin_and_a_stopped_run_goes_on(
     plugin, tmp_path, engine, task
 ):
@@ -299,7 +311,7 @@ def test_two_workers_know_it_from_a_plugin_and_a_stopped_run_goes_on(
     assert whole.returncode == 0, whole.stderr
     assert_same_run(tmp_path / 'one', tmp_path / 'two')
     fitness = load_controller(tmp_path / 'two' / 'best.npz').fitness
-    best = {'hover': f'airborne {fitness:.4f} in', 'jump': f'rise {fitness:.4f} m in'}[task]
+    best = {'hover': f'airborne {fitness:.4f} in', 'leap': f'rise {fitness:.4f} m in'}[task]
     assert f'best.npz: {best} {engine}, ' in whole.stdout
     assert 'm/s' not in whole.stdout + whole.stderr
     assert f'task {task}' in whole.stderr
@@ -328,42 +340,43 @@ def test_two_workers_know_it_from_a_plugin_and_a_stopped_run_goes_on(
 def test_a_worker_that_does_not_know_it_says_so():
     with (
         local_workers(1) as workers,
-        pytest.raises(InvalidInput, match=r"task: got 'jump', expected one of walk$"),
+        pytest.raises(InvalidInput, match=r"task: got 'leap', .* walk, jump, climb, economy$"),
     ):
-        list(evaluate(workers, replace(CONFIG, task='jump'), np.zeros((1, CONFIG.n_parameters))))
+        list(evaluate(workers, replace(CONFIG, task='leap'), np.zeros((1, CONFIG.n_parameters))))
 
 
 def test_names_of_runs_and_what_files_without_a_task_are(tmp_path):
-    jump = replace(CONFIG, task='jump')
-    assert '-flat-jump-' in jump.name
-    assert jump.name.replace('-jump', '') == CONFIG.name == replace(CONFIG, task='walk').name
-    values = yaml.safe_load(jump.to_yaml())
-    assert values.pop('task') == 'jump'
+    leap = replace(CONFIG, task='leap')
+    assert '-flat-leap-' in leap.name
+    assert leap.name.replace('-leap', '') == CONFIG.name == replace(CONFIG, task='walk').name
+    values = yaml.safe_load(leap.to_yaml())
+    assert values.pop('task') == 'leap'
     assert RunConfig.from_dict(values) == CONFIG
 
 
 def test_unknown_tasks_are_refused_with_the_known_ones(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    expected = r"task: got 'jmup', expected one of walk, jump, hover \(did you mean 'jump'\?\)"
+    known = ', '.join(TASKS)
+    expected = rf"task: got 'laep', expected one of {known} \(did you mean 'leap'\?\)"
     with pytest.raises(InvalidInput, match=expected):
-        snca.evolve('11-10', task='jmup')
+        snca.evolve('11-10', task='laep')
     with pytest.raises(InvalidInput, match=expected):
-        check_task('jmup')
-    assert cli.main(['evolve', *OPTIONS, '--task', 'jmup']) == 2
-    assert "expected one of walk, jump, hover (did you mean 'jump'?)" in capsys.readouterr().err
+        check_task('laep')
+    assert cli.main(['evolve', *OPTIONS, '--task', 'laep']) == 2
+    assert f"expected one of {known} (did you mean 'leap'?)" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
-    config = replace(CONFIG, task='jump')
+    config = replace(CONFIG, task='leap')
     RunFolder.create(tmp_path / 'run', config).close()
-    save_controller(tmp_path / 'jump.npz', trained_by(config))
-    del TASKS['jump']
+    save_controller(tmp_path / 'leap.npz', trained_by(config))
+    del TASKS['leap']
     for path, load in (
-        (tmp_path / 'jump.npz', load_controller), (tmp_path / 'run', RunFolder.resume)
+        (tmp_path / 'leap.npz', load_controller), (tmp_path / 'run', RunFolder.resume)
     ):
-        with pytest.raises(InvalidInput, match='expected one of walk, hover') as caught:
+        with pytest.raises(InvalidInput, match='walk, jump, climb, economy, hover') as caught:
             load(path)
         assert str(caught.value).startswith(f'{path}')
-        assert "task: got 'jump'" in str(caught.value)
-    TASKS.register('jump', Jump())
+        assert "task: got 'leap'" in str(caught.value)
+    TASKS.register('leap', Leap())
 
 
 # --- what is said and drawn -------------------------------------------------------------------
@@ -379,7 +392,7 @@ def trained_by(config):
 
 def test_python_names_quantity_and_unit(tmp_path):
     run = snca.evolve(
-        '11-10', 'U-D', 'mlp', task='jump', evaluations=4, population=4, duration=1.0,
+        '11-10', 'U-D', 'mlp', task='leap', evaluations=4, population=4, duration=1.0,
         transient=0.2, run=tmp_path / 'run',
     )
     best = run.best.trained.fitness
@@ -391,13 +404,13 @@ def test_python_names_quantity_and_unit(tmp_path):
     simulation = run.best.trained.simulation()
     centers, _ = loop(simulation, run.best.trained.controller(), 306)
     assert scores.sel(robot=run.best.name, faults='', terrain='flat', start=0) == (
-        TASKS['jump'].score(Episode(centers, False), 5.0)
+        TASKS['leap'].score(Episode(centers, False), 5.0)
     )
     assert repr(scores).startswith('Scores(robot 1, faults 1, terrain 2, start 1: rise ')
     assert repr(scores).endswith(' m)')
     with pytest.raises(InvalidInput, match=r"quantity: got 'rise', expected v_x; `values`"):
         _ = scores.v_x
-    with pytest.raises(InvalidInput, match=r"controllers: got \['jump', 'walk'\], expected"):
+    with pytest.raises(InvalidInput, match=r"controllers: got \['leap', 'walk'\], expected"):
         snca.assess([run.best, 'biped-U-D-mlp'])
 
 
@@ -408,7 +421,7 @@ def describe_history(path):
 
 
 def test_a_history_knows_its_unit_from_the_configuration_beside_it(tmp_path):
-    evolved(tmp_path / 'run', replace(CONFIG, task='jump', evaluations=4))
+    evolved(tmp_path / 'run', replace(CONFIG, task='leap', evaluations=4))
     run = read_history(tmp_path / 'run')
     assert (run.label, read_history(tmp_path / 'run' / 'history.csv').label) == ('rise [m]',) * 2
     alone = shutil.copy(tmp_path / 'run' / 'history.csv', tmp_path / 'alone.csv')
@@ -420,10 +433,10 @@ def test_a_history_knows_its_unit_from_the_configuration_beside_it(tmp_path):
 
 @pytest.mark.parametrize('faults', [(), ('--faults', 'loss=0..0.5..0.5', '--starts', '1')])
 def test_assess_names_the_column_after_the_quantity(plugin, tmp_path, faults):
-    trained = trained_by(replace(CONFIG, task='jump'))
-    save_controller(tmp_path / 'jump.npz', trained)
+    trained = trained_by(replace(CONFIG, task='leap'))
+    save_controller(tmp_path / 'leap.npz', trained)
     run = run_snca(
-        plugin, 'assess', 'jump.npz', '--terrains', 'flat', '--duration', 5.1, *faults,
+        plugin, 'assess', 'leap.npz', '--terrains', 'flat', '--duration', 5.1, *faults,
         '--workers', 2, '--csv', 'table.csv', '--figure', 'figure.svg', cwd=tmp_path,
     )
     assert run.returncode == 0, run.stderr
@@ -436,19 +449,19 @@ def test_assess_names_the_column_after_the_quantity(plugin, tmp_path, faults):
 
 
 def test_assess_refuses_controllers_of_several_tasks(tmp_path, capsys):
-    trained = trained_by(replace(CONFIG, task='jump'))
-    save_controller(tmp_path / 'jump.npz', trained)
+    trained = trained_by(replace(CONFIG, task='leap'))
+    save_controller(tmp_path / 'leap.npz', trained)
     save_controller(tmp_path / 'walk.npz', replace(trained, task='walk'))
-    code = cli.main(['assess', *(str(tmp_path / f'{name}.npz') for name in ('jump', 'walk'))])
+    code = cli.main(['assess', *(str(tmp_path / f'{name}.npz') for name in ('leap', 'walk'))])
     assert code == 2
-    assert "controllers: got ['jump', 'walk'], expected" in capsys.readouterr().err
+    assert "controllers: got ['leap', 'walk'], expected" in capsys.readouterr().err
 
 
 def test_figures_are_labelled_with_quantity_and_unit():
     sweep = parse_sweep('loss=0..0.5..0.5')
     figures = [
-        draw_scores(['one'], ['flat'], np.ones((1, 1, 2)), TASKS['jump']),
-        draw_sweeps(['one'], [sweep], [np.ones((1, 2, 3))], TASKS['jump']),
+        draw_scores(['one'], ['flat'], np.ones((1, 1, 2)), TASKS['leap']),
+        draw_sweeps(['one'], [sweep], [np.ones((1, 2, 3))], TASKS['leap']),
     ]
     labels = [figures[0].axes[0].get_xlabel(), figures[1].axes[0].get_ylabel()]
     assert labels == ['rise [m]', 'rise [m]']
@@ -460,12 +473,12 @@ def test_campaigns_refuse_it(tmp_path):
     good = {'shape': 'worm', 'architecture': 'U-D', 'neuron_model': 'mlp'}
     path.write_text(yaml.safe_dump({**good, 'task': 'walk'}))
     assert [config.task for config in read_campaign(path)] == ['walk']
-    expected = "task: got 'jump', expected walk, since the results of a campaign are speeds"
-    path.write_text(yaml.safe_dump({**good, 'task': ['walk', 'jump']}))
+    expected = "task: got 'leap', expected walk, since the results of a campaign are speeds"
+    path.write_text(yaml.safe_dump({**good, 'task': ['walk', 'leap']}))
     with pytest.raises(InvalidInput, match=expected):
         read_campaign(path)
     with pytest.raises(InvalidInput, match=expected):
-        perform(replace(CONFIG, task='jump'), tmp_path / 'run')
+        perform(replace(CONFIG, task='leap'), tmp_path / 'run')
     assert not (tmp_path / 'run').exists()
 
 
@@ -475,7 +488,7 @@ def test_completion_and_help_offer_it(capsys):
         line for line in capsys.readouterr().out.splitlines()
         if '_evolve' in line and '__task_choices' in line
     )
-    assert '=(walk jump hover)' in line
+    assert f'=({" ".join(TASKS)})' in line
     with pytest.raises(SystemExit):
         cli.main(['evolve', '--help'])
-    assert 'walk, jump, hover (default walk)' in ' '.join(capsys.readouterr().out.split())
+    assert f'{", ".join(TASKS)} (default walk)' in ' '.join(capsys.readouterr().out.split())
