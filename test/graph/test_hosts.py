@@ -137,3 +137,24 @@ def test_walk_in_real_time_survives_a_cut_cable(cable, start, make_controller, t
     assert on_time + late + lost == 360
     assert late + lost > 60  # of the 120 steps of two seconds
     assert on_time > 100
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not shutil.which('nft'), reason='no nft; Debian, Ubuntu: apt install nftables')
+def test_best_effort_walk_over_a_cable_that_drops_30_percent(cable, start, tmp_path, monkeypatch):
+    """Half of a biped is on the other host; loss is counted where messages cross the cable."""
+    cable.lose(30)
+    monkeypatch.setenv('ROS_STATIC_PEERS', '10.71.0.1;10.71.0.2')
+    options = '--real-time', '--reliability', 'best_effort', '--voxels-per-process', 5
+    there = start('voxels', 'biped-U-nD-snn-h', '--only', '2/2', *options, prefix=cable.prefix(1))
+    here = start('walk', 'biped-U-nD-snn-h', '--only', '1/2', '--duration', 10, '--bag', 'bag',
+                 *options, prefix=cable.prefix(0))
+    output, _ = here.communicate(timeout=LIMIT)
+    assert here.returncode == 0, output
+    remote_output, _ = there.communicate(timeout=LIMIT)
+    assert there.returncode == 0, remote_output
+    assert 'ended with code' not in output + remote_output
+    assert min(cable.dropped()) > 100
+    bag = read_bag(tmp_path / 'bag')
+    assert bag.n_steps == 601
+    assert bag.centers[-1, 0] > bag.centers[0, 0] + 5.0
