@@ -9,7 +9,7 @@ import numpy as np
 from sim_node.episode import UNKNOWN_PHYSICS, physics_of_episode
 from sim_node.errors import InvalidInput
 from sim_node.model.sensors import DEFAULT_SENSORS
-from sim_node.ros.sim_interface import BEST_EFFORT_LINKS
+from sim_node.ros.sim_interface import ACTUATION, BEST_EFFORT_LINKS
 from snca_ros.recording.diagnostics import TOPIC as DIAGNOSTICS
 from snca_ros.recording.diagnostics import NodeHealth, read_health
 from snca_ros.recording.episodes import number_episodes, one_episode
@@ -66,7 +66,7 @@ def read_bag(path: Path | str, episode: int = -1) -> Recording:
         arrays = _arrays(streams, voxels)
         outcomes = find_outcomes(
             streams, voxels, len(arrays['centers']), _lock_step(health),
-            rate := _rate(streams[ODOMETRY]), best_effort := _best_effort(health),
+            rate := _rate(streams[ODOMETRY]), lost := _lost_answers(health, voxels),
         )
         kills = _kills(health, streams, voxels, len(arrays['centers']))
         twice = {role: published_twice(stream, numbers[role] == episode)
@@ -82,7 +82,7 @@ def read_bag(path: Path | str, episode: int = -1) -> Recording:
     return Recording(
         path=path, closed=closed, robot=robot, episode=episode, n_episodes=n_episodes, rate=rate,
         counts=_counts(
-            topics, names, streams, outcomes, voxels, refused, kills, twice, best_effort
+            topics, names, streams, outcomes, voxels, refused, kills, twice, lost is not None
         ),
         health=health,
         poses=poses, physics=_physics(streams), applied=outcomes.applied,
@@ -168,10 +168,17 @@ def _lock_step(health: Mapping[str, NodeHealth]) -> bool | None:
     return None if simulation is None else 'missed deadlines' not in simulation.values
 
 
-def _best_effort(health: Mapping[str, NodeHealth]) -> bool:
-    """Return whether the simulation says that its links were best effort."""
+def _lost_answers(
+    health: Mapping[str, NodeHealth], voxels: tuple[str, ...]
+) -> dict[str, int] | None:
+    """Return how many answers of each voxel the simulation says that best-effort links have lost.
+
+    Returns None if the links were reliable.
+    """
     simulation = health.get('sim_node')
-    return simulation is not None and BEST_EFFORT_LINKS in simulation.values
+    if simulation is None or BEST_EFFORT_LINKS not in simulation.values:
+        return None
+    return {v: int(simulation.values.get(f'{ACTUATION.of(v)} lost', 0)) for v in voxels}
 
 
 def _physics(streams: Mapping[Role, Stream]) -> str:

@@ -46,7 +46,7 @@ class Outcomes:
 
 def find_outcomes(
     streams: Mapping[Role, Stream], voxels: tuple[str, ...], n_steps: int,
-    lock_step: bool | None, rate: float, best_effort: bool = False,
+    lock_step: bool | None, rate: float, lost: Mapping[str, int] | None = None,
 ) -> Outcomes:
     """Return what moved the body, and which messages came in time.
 
@@ -61,8 +61,8 @@ def find_outcomes(
         n_steps: number of control steps.
         lock_step: whether the simulation waited for answers; None if it is unknown.
         rate: control steps per second of wall time.
-        best_effort: whether links lose messages. Then an answer that was recorded in time, and not
-            used by the simulation, was lost.
+        lost: how many answers of each voxel the simulation did not receive over best-effort links;
+            None for reliable ones. As many that were recorded in time, and not used, were lost.
     """
     shape = n_steps, len(voxels)
     # In lock-step the answer that the simulation waited for may be recorded just after its step.
@@ -82,8 +82,12 @@ def find_outcomes(
         for kind in late:
             late[kind] &= ~in_time
         unused = sent['actuation'] & known & ~in_time
-        if best_effort:
+        if lost is not None:
             unheard = unused & ~late['actuation'] & ~evident
+            absent = (~sent['actuation'] & known & ~in_time).sum(axis=0)
+            for i, voxel in enumerate(voxels):  # the first ones count as lost, others as late
+                n = max(lost.get(voxel, 0) - absent[i], 0)
+                unheard[:, i] &= unheard[:, i].cumsum() <= n
         late['actuation'] = unused & ~unheard
         unsent = silent & known & ~evident
     else:
