@@ -26,7 +26,7 @@ from sim_node.ros.node_base import RosNode, run_nodes
 from sim_node.ros.parameters import options_of, simulation_of
 from sim_node.ros.publishers import Broadcast
 from sim_node.ros.services import create_services
-from sim_node.ros.sim_interface import ACTUATION, BEST_EFFORT, BEST_EFFORT_LINKS, SIM_NODE
+from sim_node.ros.sim_interface import ACTUATION, BEST_EFFORT, SIM_NODE
 from sim_node.ros.start import Start
 from sim_node.ros.strangers import Strangers
 from sim_node.simulation import Diverged
@@ -260,7 +260,7 @@ class SimNode(RosNode):
     def statistics(self) -> Mapping[str, object]:
         """Return step times, missed deadlines and delivery statistics for /diagnostics."""
         missed = {'missed deadlines': self._pace.missed} if self._real_time else {}
-        best_effort = {BEST_EFFORT_LINKS: len(self._voxels)} if self._best_effort else {}
+        best_effort = {'best-effort links': len(self._voxels)} if self._best_effort else {}
         deliveries = {
             ACTUATION.of(voxel): delivery
             for voxel, delivery in zip(self._voxels, self._answers.deliveries, strict=True)

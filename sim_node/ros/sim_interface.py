@@ -16,9 +16,6 @@ from sim_node.ros.interface import DIAGNOSTICS, ROSOUT, NodeInterface, Parameter
 
 RELIABLE, BEST_EFFORT = 'reliable', 'best_effort'
 
-BEST_EFFORT_LINKS = 'best-effort links'
-"""Number of voxels, in the diagnostics of a simulation whose links are best effort."""
-
 _EACH_STEP = f'every control step, {CONTROL_RATE} per simulated second'
 
 CLOCK = Topic(

@@ -9,7 +9,6 @@ import numpy as np
 from sim_node.episode import UNKNOWN_PHYSICS, physics_of_episode
 from sim_node.errors import InvalidInput
 from sim_node.model.sensors import DEFAULT_SENSORS
-from sim_node.ros.sim_interface import ACTUATION, BEST_EFFORT_LINKS
 from snca_ros.recording.diagnostics import TOPIC as DIAGNOSTICS
 from snca_ros.recording.diagnostics import NodeHealth, read_health
 from snca_ros.recording.episodes import number_episodes, one_episode
@@ -176,9 +175,9 @@ def _lost_answers(
     Returns None if the links were reliable.
     """
     simulation = health.get('sim_node')
-    if simulation is None or BEST_EFFORT_LINKS not in simulation.values:
+    if simulation is None or 'best-effort links' not in simulation.values:
         return None
-    return {v: int(simulation.values.get(f'{ACTUATION.of(v)} lost', 0)) for v in voxels}
+    return {v: int(simulation.values.get(f'{v}/actuation lost', 0)) for v in voxels}
 
 
 def _physics(streams: Mapping[Role, Stream]) -> str:
