@@ -42,6 +42,7 @@ ARGUMENTS = {
     'terrain': ('', 'name of the terrain; default: the terrain of the controller file'),
     'duration': _declared('duration', '; 0: until stopped'),
     'real_time_factor': _declared('real_time_factor'),
+    'reliability': _declared('reliability'),
     'voxels_per_process': _declared('voxels_per_process'),
     'bag': ('', 'folder of the bag to write; empty: nothing is recorded'),
     'storage': _declared('storage'),
@@ -60,7 +61,9 @@ def _nodes(context):
         faults=parse_faults(value['faults']),
         **{
             name: value_of(name, value[name], declaration(WalkOptions, name))
-            for name in ('duration', 'real_time_factor', 'voxels_per_process', 'storage')
+            for name in (
+                'duration', 'real_time_factor', 'reliability', 'voxels_per_process', 'storage'
+            )
         },
     )
     own = load_controller(path)

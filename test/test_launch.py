@@ -76,6 +76,7 @@ def test_every_argument_is_declared_as_text_with_a_description(description):
     assert type(opaque).__name__ == 'OpaqueFunction'
     assert [a.arguments[0] for a in declared] == [
         'controller', 'shape', 'without', 'robot', 'terrain', 'duration', 'real_time_factor',
+        'reliability',
         'voxels_per_process', 'bag', 'storage', 'faults',
     ]
     for argument in declared:
@@ -104,13 +105,13 @@ def test_a_process_for_the_simulation_and_one_for_each_voxel(launch):
 def test_parameters_are_those_of_walk(launch, controller, tmp_path):
     _, nodes = launch(
         robot='duck', terrain='hilly-1-10-0', duration='2.5', real_time_factor='0.5',
-        voxels_per_process='2', bag=str(tmp_path / 'bag'), storage='sqlite3',
-        faults='loss=0.25,seed=3',
+        reliability='best_effort', voxels_per_process='2', bag=str(tmp_path / 'bag'),
+        storage='sqlite3', faults='loss=0.25,seed=3',
     )
     options = WalkOptions(
         robot='duck', terrain='hilly-1-10-0', duration=2.5, real_time_factor=0.5,
-        voxels_per_process=2, bag=str(tmp_path / 'bag'), storage='sqlite3',
-        faults=Faults(loss=0.25, seed=3),
+        reliability='best_effort', voxels_per_process=2, bag=str(tmp_path / 'bag'),
+        storage='sqlite3', faults=Faults(loss=0.25, seed=3),
     )
     graph = describe_graph(controller, load_controller(controller), options)
     given = yaml.safe_load(params_of(nodes).read_text())

@@ -52,5 +52,6 @@ def check_unknown_parameters(node: RosNode) -> None:
         names = sorted(set(node._parameters) - set(_OF_ROS))
         expected = f'one of {", ".join(names)}' + near_miss(name, names)
         if name.startswith('qos_overrides.'):
-            expected = 'no such parameter: the QoS of topics is fixed, see docs/graph.md'
+            fixed = 'the QoS of topics is fixed by `reliability`, see docs/graph.md'
+            expected = f'no such parameter: {fixed}'
         raise InvalidInput(f'parameter {name}', override.value, expected, node.where())

@@ -26,7 +26,7 @@ from sim_node.ros.node_base import RosNode, run_nodes
 from sim_node.ros.parameters import options_of, simulation_of
 from sim_node.ros.publishers import Broadcast
 from sim_node.ros.services import create_services
-from sim_node.ros.sim_interface import ACTUATION, SIM_NODE
+from sim_node.ros.sim_interface import ACTUATION, BEST_EFFORT, SIM_NODE
 from sim_node.ros.start import Start
 from sim_node.ros.strangers import Strangers
 from sim_node.simulation import Diverged
@@ -78,11 +78,14 @@ class SimNode(RosNode):
         )
 
     def _make_topics(self) -> None:
-        self._broadcast = Broadcast(self, self.simulation, self._options.clock)
+        reliability = self._options.reliability
+        self._best_effort = reliability == BEST_EFFORT
+        self._broadcast = Broadcast(self, self.simulation, self._options.clock, reliability)
         for i, voxel in enumerate(self._voxels):
             self.create_subscription(
                 JointState, ACTUATION.of(voxel),
-                partial(self._on_actuation, i), topics.stream_qos(topics.QUEUE), raw=True,
+                partial(self._on_actuation, i), topics.link_qos(reliability, topics.QUEUE),
+                raw=True,
             )
 
     @property
@@ -193,7 +196,11 @@ class SimNode(RosNode):
         """Report voxels that have not answered for too long; stop or continue without them."""
         step, waited = self.simulation.step_count, self.listening.now() - self._waiting_since
         missing = self._answers.missing
-        if not missing or self._halted or self._free_running:
+        if not missing or self._free_running or self.exit_code is not None:
+            return
+        if self._best_effort and waited > _WATCH_PERIOD:  # voxels repeat their messages, too
+            self._broadcast.publish_sensors(self._readings)
+        if self._halted:
             return
         if waited > _SLOW and self._reported_step != step:
             self._reported_step = step
@@ -253,11 +260,14 @@ class SimNode(RosNode):
     def statistics(self) -> Mapping[str, object]:
         """Return step times, missed deadlines and delivery statistics for /diagnostics."""
         missed = {'missed deadlines': self._pace.missed} if self._real_time else {}
+        best_effort = {'best-effort links': len(self._voxels)} if self._best_effort else {}
         deliveries = {
             ACTUATION.of(voxel): delivery
             for voxel, delivery in zip(self._voxels, self._answers.deliveries, strict=True)
         }
-        return {**self._times.summary(), **missed, **delivery_statistics(deliveries)}
+        return {
+            **self._times.summary(), **missed, **best_effort, **delivery_statistics(deliveries)
+        }
 
     def pause(self, paused: bool) -> None:
         """Pause, or continue."""

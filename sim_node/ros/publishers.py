@@ -25,9 +25,12 @@ class Broadcast:
         node: the node.
         simulation: the simulation.
         clock: name of the topic of simulated time, as for `ClockTopic`.
+        reliability: of the sensors, see `topics.link_qos`.
     """
 
-    def __init__(self, node: Node, simulation: Simulation, clock: str) -> None:
+    def __init__(
+        self, node: Node, simulation: Simulation, clock: str, reliability: str
+    ) -> None:
         self._node, self._simulation = node, simulation
         qos = topics.stream_qos()
         self._clock = ClockTopic(node, clock)
@@ -41,8 +44,9 @@ class Broadcast:
         robot = node.get_namespace().strip('/') or simulation.morphology.name
         self._applied = node.create_publisher(JointState, APPLIED.name, qos)
         self._applied_wire = topics.applied_format(robot, voxels)
+        of_links = topics.link_qos(reliability)
         self._sensors = [
-            (node.create_publisher(JointState, SENSORS.of(voxel), qos),
+            (node.create_publisher(JointState, SENSORS.of(voxel), of_links),
              topics.sensors_format(voxel, simulation.sensors))
             for voxel in voxels
         ]

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from sim_node.control_time import CONTROL_RATE, MARKER_PERIOD
 from sim_node.engine import DEFAULT_ENGINE, ENGINES
+from sim_node.errors import InvalidInput
 from sim_node.model.body_faults import FaultsOfBody
 from sim_node.model.constants import Checked, choice, constant, flag, text_value
 from sim_node.model.material import Material
@@ -12,6 +13,8 @@ from sim_node.model.sensors import DEFAULT_SENSORS
 from sim_node.model.solver import Solver
 from sim_node.model.terrain import DEFAULT_TERRAIN, TERRAIN_FORM
 from sim_node.ros.interface import DIAGNOSTICS, ROSOUT, NodeInterface, Parameters, Service, Topic
+
+RELIABLE, BEST_EFFORT = 'reliable', 'best_effort'
 
 _EACH_STEP = f'every control step, {CONTROL_RATE} per simulated second'
 
@@ -84,7 +87,7 @@ class RunOptions(Checked):
     """Options of the run of a simulation node.
 
     Raises:
-        InvalidInput: a value is invalid.
+        InvalidInput: a value is invalid, or the links are best effort in lock-step.
     """
 
     duration: float = constant(
@@ -116,6 +119,21 @@ class RunOptions(Checked):
         '/clock already', 'name of a topic',
     )
     start_paused: bool = flag(False, 'start paused: wait for the service `pause` (false) or `step`')
+    reliability: str = choice(
+        RELIABLE, (RELIABLE, BEST_EFFORT), 'QoS of sensors, actuation, spikes and values, the same '
+        'for all nodes of a robot; best_effort, in real time only: lost messages are not sent again'
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_reliability(self.reliability, self.real_time_factor > 0.0)
+
+
+def check_reliability(reliability: str, real_time: bool) -> None:
+    """Raise InvalidInput if links are best effort in lock-step."""
+    if reliability == BEST_EFFORT and not real_time:
+        expected = f'{RELIABLE} in lock-step, which needs every message, or real time'
+        raise InvalidInput('reliability', reliability, expected)
 
 
 CONTROLLER = Parameters(BodyOptions, only=('controller',))

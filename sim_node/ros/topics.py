@@ -17,14 +17,15 @@ from sim_node.drawing import area_colors
 from sim_node.episode import EXAMPLE_EPISODE, check_frame, frame_of
 from sim_node.errors import InvalidInput
 from sim_node.ros.cdr import WireFormat
+from sim_node.ros.sim_interface import BEST_EFFORT
 
 WORLD_FRAME = 'world'
 
-QUEUE = 256
-"""Depth of the subscription queues of voxels and simulation.
+QUEUE = 10_000
+"""Depth of the subscription queues of voxels and simulation, which use memory as they fill.
 
-Lock-step needs two. The rest absorbs a publisher that floods a topic, for a quarter of a second at
-1 kHz.
+Lock-step needs two. The rest absorbs a publisher that floods a topic: with a shorter queue, a node
+that a busy machine did not run for the length of the queue lost messages that it needed.
 """
 
 HISTORY = 1000
@@ -32,7 +33,7 @@ HISTORY = 1000
 
 
 def stream_qos(depth: int = HISTORY) -> QoSProfile:
-    """Return the QoS of all topics whose messages are stamped with a control step.
+    """Return the QoS of all topics whose messages are stamped with a control step, if reliable.
 
     Reliable, and transient-local so that a node which joins late receives the last messages.
     Publishers keep many steps, so that a recorder may fall behind without losing messages.
@@ -43,6 +44,23 @@ def stream_qos(depth: int = HISTORY) -> QoSProfile:
         reliability=ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.TRANSIENT_LOCAL,
     )
+
+
+def link_qos(reliability: str, depth: int = HISTORY) -> QoSProfile:
+    """Return the QoS of the links: sensors, actuation, spikes and values.
+
+    Reliable links have that of `stream_qos`. Best-effort ones are volatile, too, as DDS keeps for
+    late joiners only what it can send again. A best-effort subscription matches both.
+
+    Args:
+        reliability: `RELIABLE` or `BEST_EFFORT`.
+        depth: of the queue.
+    """
+    qos = stream_qos(depth)
+    if reliability == BEST_EFFORT:
+        qos.reliability = ReliabilityPolicy.BEST_EFFORT
+        qos.durability = DurabilityPolicy.VOLATILE
+    return qos
 
 
 def _joint_state_format(

@@ -31,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='voxels to run: K/N, the Kth of N shares, or voxel_0_0,voxel_1_0,...')
     parser.add_argument('--real-time', action='store_true',
                         help='do not wait for neighbours; needed if the walk has --real-time')
+    add_option(parser, WalkOptions, 'reliability')
     parser.add_argument('--respawn', action='store_true',
                         help='restart voxels that were killed')
     parser.add_argument('--faults', default='', metavar='SPEC',
@@ -47,7 +48,7 @@ def run(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     options = WalkOptions(
         args.robot, real_time_factor=float(args.real_time),
         voxels_per_process=args.voxels_per_process, only=args.only, one_walk=True,
-        faults=parse_faults(args.faults),
+        faults=parse_faults(args.faults), reliability=args.reliability,
     )
     with ExitStack() as stack:
         file, trained = load_in_body(path, args.shape, args.without, stack)

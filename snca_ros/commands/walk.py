@@ -52,6 +52,7 @@ EXAMPLES = """
   snca walk                                         # the bundled biped, 30 s, in lock-step
   snca walk runs/tripod/best.npz --terrain hilly-1-10-0 --duration 60
   snca walk --real-time --respawn                   # at 60 Hz; killed voxels are restarted
+  snca walk --real-time --reliability best_effort   # what a cable loses is not sent again
   snca walk --view                                  # a live page; click voxels to kill them
   snca walk --faults loss=0.3,death=0.5@10,seed=3   # lost messages; half the voxels die at 10 s
   snca walk --engine batched --bag bags/mine --storage sqlite3
@@ -70,6 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         is_value=_is_number, help='run in real time and do not wait for voxels '
                         '(default: lock-step, as fast as possible)')
     add_option(parser, WalkOptions, 'real_time_factor', default=None, metavar='FACTOR')
+    add_option(parser, WalkOptions, 'reliability')
     parser.add_argument('--respawn', action='store_true',
                         help='restart voxels that were killed')
     parser.add_argument('--terrain', default='', help='terrain (default: that of its evolution)')
@@ -142,12 +144,14 @@ def _run(
         robot, args.terrain, engine, args.duration, factor, args.voxels_per_process,
         only=args.only, bag='' if args.no_bag else str(bag), storage=args.storage, faults=faults,
         simulation={} if port is None else {'recorders': 2 - args.no_bag},
-        arithmetic=args.arithmetic, devices=devices,
+        arithmetic=args.arithmetic, devices=devices, reliability=args.reliability,
     )
     graph = describe_graph(path, trained, options)
     open_view = None
     if port is not None:
-        open_view = partial(LiveView, port, trained, args.terrain or trained.terrain)
+        open_view = partial(
+            LiveView, port, trained, args.terrain or trained.terrain, args.reliability
+        )
     lookout = Lookout(robot, graph.enclave('walk'), options.reach)
     with start_server(graph, graph_environment(options.reach)) as server:
         with exiting_at_interrupt():

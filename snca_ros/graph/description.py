@@ -107,6 +107,7 @@ class WalkOptions(Checked):
     one_walk: bool = False
     bag: str = ''
     storage: str = same_as(RecorderOptions, 'storage')
+    reliability: str = same_as(RunOptions, 'reliability')
     faults: Faults = NO_FAULTS
     simulation: dict[str, Any] = field(default_factory=dict)
     arithmetic: str = same_as(VoxelOptions, 'arithmetic')
@@ -156,7 +157,8 @@ def describe_graph(
     recorder = None
     if options.bag:
         bag: dict[str, object] = {
-            'bag': os.path.abspath(options.bag), 'storage': options.storage
+            'bag': os.path.abspath(options.bag), 'storage': options.storage,
+            'reliability': options.reliability,
         }
         recorder = NodeProcess(RECORDER_NODE.name, {RECORDER_NODE.name: bag})
     return Graph(
@@ -181,7 +183,7 @@ def _check_parameters(trained: TrainedController, options: WalkOptions) -> None:
     check_engine(options.engine or DEFAULT_ENGINE, trained.solver)
     run: dict[str, Any] = {
         'duration': options.duration, 'real_time_factor': options.real_time_factor,
-        **options.simulation,
+        'reliability': options.reliability, **options.simulation,
     }
     RunOptions(**{k: v for k, v in run.items() if k in RunOptions.__dataclass_fields__})
     n_sensors = len(trained.architecture.sensors)
@@ -234,6 +236,7 @@ def _simulation_parameters(
         'engine': options.engine or DEFAULT_ENGINE,
         'duration': float(options.duration),
         'real_time_factor': float(options.real_time_factor),
+        'reliability': options.reliability,
         'recorders': 1 if options.bag else 0,
         **{f'material.{k}': v for k, v in vars(trained.material).items()},
         **{f'solver.{k}': v for k, v in vars(trained.solver).items()},
@@ -252,7 +255,8 @@ def _voxel_parameters(
     }
     return {
         'controller': os.path.abspath(controller), 'patience': options.patience,
-        'real_time': options.real_time_factor > 0.0, 'one_walk': options.one_walk, **neighbors,
+        'real_time': options.real_time_factor > 0.0, 'reliability': options.reliability,
+        'one_walk': options.one_walk, **neighbors,
         'arithmetic': options.arithmetic, 'device': options.devices.get(name, ''),
         **options.faults.of_cells,
     }

@@ -21,6 +21,7 @@ class LiveView:
         port: of the page; 0 for a free one.
         trained: the controller.
         terrain: name of the terrain.
+        reliability: of the links.
         running: the graph.
 
     Raises:
@@ -28,12 +29,13 @@ class LiveView:
     """
 
     def __init__(
-        self, port: int, trained: TrainedController, terrain: str, running: RunningGraph
+        self, port: int, trained: TrainedController, terrain: str, reliability: str,
+        running: RunningGraph,
     ) -> None:
         robot, self._running = running.graph.robot, running
         page = live_page(trained, parse_terrain(terrain), f'{robot} on {terrain}')
         self._server = PageServer(port, page)
-        self._node = ViewNode(robot, trained, self._server.send)
+        self._node = ViewNode(robot, trained, self._server.send, reliability)
         self._processes = {name: p for p in running.graph.voxels for name in p.names}
         self._killed: set[NodeProcess] = set()
         self.address = self._server.address

@@ -5,7 +5,7 @@ from sensor_msgs.msg import JointState
 from sim_node.errors import InvalidInput
 from sim_node.ros.node_base import RosNode
 from sim_node.ros.sim_interface import ACTUATION
-from sim_node.ros.topics import actuation_format, read_joint_state, stream_qos
+from sim_node.ros.topics import actuation_format, link_qos, read_joint_state
 
 _LISTENING_TIME = 1.0  # seconds within which a message of an active duplicate arrives
 
@@ -20,15 +20,16 @@ class DuplicateDetector:
     Args:
         node: node of the voxel, which does not publish messages yet.
         voxel: name of the voxel.
+        reliability: of the links, see `link_qos`.
     """
 
-    def __init__(self, node: RosNode, voxel: str) -> None:
+    def __init__(self, node: RosNode, voxel: str, reliability: str) -> None:
         self._node, self._topic = node, ACTUATION.of(voxel)
         self._wire = actuation_format(voxel)
         self._episode = b''  # of the duplicate's last message
         self._since = node.listening.now()
         self._subscription = node.create_subscription(
-            JointState, self._topic, self._note, stream_qos(1), raw=True
+            JointState, self._topic, self._note, link_qos(reliability, 1), raw=True
         )
 
     def _note(self, data: bytes) -> None:

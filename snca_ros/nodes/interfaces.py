@@ -2,7 +2,7 @@
 
 from dataclasses import astuple, dataclass
 
-from sim_node.model.constants import Checked, choice, constant, flag, text_value
+from sim_node.model.constants import Checked, choice, constant, flag, same_as, text_value
 from sim_node.ros.interface import DIAGNOSTICS, ROSOUT, NodeInterface, Parameters, Topic
 from sim_node.ros.sim_interface import (
     ACTUATION,
@@ -12,6 +12,8 @@ from sim_node.ros.sim_interface import (
     ODOMETRY,
     PRESENCE,
     SENSORS,
+    RunOptions,
+    check_reliability,
 )
 from snca_ros.cell.coding import SNN_STEPS
 from snca_ros.cell.models.arithmetic import ARITHMETICS, DEFAULT_ARITHMETIC
@@ -40,13 +42,17 @@ VALUES = Topic(
     of_voxel=True,
 )
 
+LINKS = (SENSORS, ACTUATION, SPIKES, VALUES)
+"""Topics whose QoS the parameter `reliability` selects."""
+
 
 @dataclass(frozen=True)
 class VoxelOptions(Checked):
     """Parameters of a voxel node.
 
     Raises:
-        InvalidInput: a value has the wrong type or is out of range.
+        InvalidInput: a value has the wrong type or is out of range, or the links are best effort in
+            lock-step.
     """
 
     voxel: str = text_value('', "name of this voxel; default: the node's name", 'voxel_<x>_<y>')
@@ -67,6 +73,11 @@ class VoxelOptions(Checked):
     device: str = text_value(
         '', 'device that the cell is on; empty for a cell in the process of the node', EXPECTED
     )
+    reliability: str = same_as(RunOptions, 'reliability')
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_reliability(self.reliability, self.real_time)
 
 
 @dataclass(frozen=True)
@@ -101,6 +112,7 @@ class RecorderOptions(Checked):
         'path of a folder',
     )
     storage: str = choice(STORAGES[0], STORAGES, 'storage format of the bag')
+    reliability: str = same_as(RunOptions, 'reliability')
 
 
 @dataclass(frozen=True)

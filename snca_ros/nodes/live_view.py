@@ -15,7 +15,7 @@ from sim_node.control_time import step_of_stamp
 from sim_node.ros import topics
 from sim_node.ros.interface import DIAGNOSTICS
 from sim_node.ros.node_base import RosNode, take_all
-from sim_node.ros.sim_interface import ACTUATION, APPLIED, MARKERS, ODOMETRY, SENSORS
+from sim_node.ros.sim_interface import ACTUATION, APPLIED, MARKERS, ODOMETRY, RELIABLE, SENSORS
 from snca_ros.cell.coding import pack_trains
 from snca_ros.controller_file import TrainedController
 from snca_ros.nodes.cell_messages import CellMessages, topic_name
@@ -38,14 +38,17 @@ class ViewNode(RosNode):
             newest pose, `area`, `touch` and applied `actuation` of each voxel, `messages`, rows of
             step, voxel and numbers sent, `ages`, rows of step and the age of each voxel's answer
             as in `applied_actuation`, and `health`, level and text of each node by its name.
+        reliability: of the links, see `topics.link_qos`.
     """
 
     def __init__(
-        self, robot: str, trained: TrainedController, send: Callable[[dict[str, Any]], None]
+        self, robot: str, trained: TrainedController, send: Callable[[dict[str, Any]], None],
+        reliability: str = RELIABLE,
     ) -> None:
         super().__init__(VIEW_NODE.name, namespace=f'/{robot}', enable_rosout=False)
         self._send = send
         voxels, qos = trained.morphology.voxel_names, topics.stream_qos()
+        of_links = topics.link_qos(reliability)
         self._names = trained.architecture.sensors
         self._voxels = voxels
         topic = topic_name(trained.architecture)
@@ -61,7 +64,7 @@ class ViewNode(RosNode):
         self._applied_box = self.create_mailbox(JointState, APPLIED.name, qos)
         self._markers_box = self.create_mailbox(MarkerArray, MARKERS.name, qos)
         self._boxes = {
-            kind: [self.create_mailbox(of_type, f'{voxel}/{name}', qos) for voxel in voxels]
+            kind: [self.create_mailbox(of_type, f'{voxel}/{name}', of_links) for voxel in voxels]
             for kind, of_type, name in (
                 ('sensors', JointState, SENSORS.name),
                 ('actuation', JointState, ACTUATION.name),

@@ -31,9 +31,9 @@ from sim_node.ros.declared_parameters import check_unknown_parameters, declare
 from sim_node.ros.node_base import RosNode, run_nodes
 from sim_node.ros.sim_interface import CLOCK, MARKERS
 from sim_node.ros.strangers import Strangers
-from sim_node.ros.topics import stream_qos
+from sim_node.ros.topics import link_qos, stream_qos
 from snca_ros.files import BAGS, RESERVE, check_new_bag, room_for
-from snca_ros.nodes.interfaces import RECORDER, RECORDER_NODE, RecorderOptions
+from snca_ros.nodes.interfaces import LINKS, RECORDER, RECORDER_NODE, RecorderOptions
 from snca_ros.nodes.message_definitions import MessageDefinitions, message_class
 from snca_ros.recording.streams import KINDS
 
@@ -43,6 +43,7 @@ _TYPES = {
     **{kind: reader.type for kind, reader in KINDS.items()},
     MARKERS.name: MARKERS.type,
 }
+_LINKS = {topic.name for topic in LINKS}
 _QUEUE = 20_000  # messages of one topic that can wait while the disk is slow
 _DISCOVERY_PERIOD = 0.1  # seconds between checks for new topics, while a graph starts
 _SETTLED_PERIOD = 1.0  # the same after _SETTLED seconds without a new topic
@@ -60,6 +61,7 @@ class RecorderNode(RosNode):
         new = RecorderOptions(f'{BAGS}/{datetime.now():%Y%m%d-%H%M%S}')
         options = declare(self, RECORDER, new)
         check_unknown_parameters(self)
+        self._reliability = options.reliability
         self._definitions = MessageDefinitions()
         self._strangers = Strangers(self, self.get_logger().warning, restarted=True)
         self._topics: set[str] = set()
@@ -108,14 +110,19 @@ class RecorderNode(RosNode):
                 topic, message_type, msgdef=text, rihs01=digest,
                 offered_qos_profiles=[_offered_qos(publisher) for publisher in publishers],
             )
-            qos = stream_qos(_QUEUE) if _declared_type(topic) else _compatible_qos(publishers)
-            subscribe(partial(self._write, connection), qos, raw=True)
+            subscribe(partial(self._write, connection), self._qos(topic, publishers), raw=True)
         except Exception as error:
             self._unrecorded[topic] = message_type
             reason = ' '.join(str(error).split())
             self.get_logger().error(f'{topic} ({message_type}) is not recorded: {reason}')
         else:
             self._topics.add(topic)
+
+    def _qos(self, topic: str, publishers: list[TopicEndpointInfo]) -> QoSProfile:
+        """Return the QoS of the subscription to a topic."""
+        if topic.rpartition('/')[2] in _LINKS:
+            return link_qos(self._reliability, _QUEUE)
+        return stream_qos(_QUEUE) if _declared_type(topic) else _compatible_qos(publishers)
 
     def _is_of_robot(self, topic: str, publishers: list[TopicEndpointInfo]) -> bool:
         """Return whether /clock is this robot's one; true for all other topics."""

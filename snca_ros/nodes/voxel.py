@@ -9,20 +9,18 @@ import argparse
 import contextlib
 import sys
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.qos import DurabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.utilities import remove_ros_args
 from sensor_msgs.msg import Image, JointState
 
-from sim_node.control_time import stamp_of_step
 from sim_node.errors import InvalidInput
 from sim_node.ros import rcl_functions, topics
 from sim_node.ros.declared_parameters import check_unknown_parameters, declare
 from sim_node.ros.delivery import delivery_statistics
 from sim_node.ros.node_base import BAD_INPUT, RosNode, run_nodes, take_all
-from sim_node.ros.sim_interface import ACTUATION, SENSORS
+from sim_node.ros.sim_interface import BEST_EFFORT, SENSORS
 from sim_node.ros.simulations import Simulations
 from snca_ros.faults import NO_FAULTS
 from snca_ros.nodes import interfaces
@@ -34,6 +32,7 @@ from snca_ros.nodes.mismatch import PhysicsMismatch
 from snca_ros.nodes.own_part import check_names, load_own_part
 from snca_ros.nodes.voxel_core import POLL_PERIOD, Answer, SensorsResult, VoxelCore
 from snca_ros.nodes.voxel_health import describe_voxel
+from snca_ros.nodes.voxel_publishers import VoxelPublishers
 
 _JOIN_PAUSE = 0.05  # seconds without sensors after which a joining voxel has received the newest
 _SWEEP_PERIOD = 0.1  # seconds between emptyings of the mailboxes when no step is made
@@ -64,9 +63,10 @@ class VoxelNode(RosNode):
             horizon=topics.HISTORY, simulations=self._simulations,
         )
         self._mismatch = PhysicsMismatch(path, part.physics, self.get_logger().warning)
+        self._reliability = options.reliability
         self._create_topics()
         self._usual = self._compiled_step()
-        self._duplicate = DuplicateDetector(self, self._voxel)
+        self._duplicate = DuplicateDetector(self, self._voxel, self._reliability)
         self._newest: Subscription | None = None  # only while it joins late, in real time
         self._join_timer = self.create_timer(_JOIN_PAUSE, self._join)
         # Runs only while a neighbour's message or a device's answer is late.
@@ -77,15 +77,10 @@ class VoxelNode(RosNode):
         self._swept_step, self._trouble = -1, ''
 
     def _create_topics(self) -> None:
-        qos, queue = topics.stream_qos(), topics.stream_qos(topics.QUEUE)
+        queue = topics.link_qos(self._reliability, topics.QUEUE)
         voxel, topic = self._voxel, topic_name(self._architecture)
         self._sensors_wire = topics.sensors_format(voxel, self._architecture.sensors)
-        self._actuation_wire = topics.actuation_format(voxel)
-        self._messages = CellMessages(self._architecture, voxel)
-        self._messages_out = self.create_publisher(Image, f'{voxel}/{topic}', qos)
-        self._actuation_out = self.create_publisher(
-            JointState, ACTUATION.of(voxel), qos
-        )
+        self._outputs = VoxelPublishers(self, voxel, self._architecture, self._reliability)
         self._neighbor_messages, self._mailboxes = {}, {}
         for d, name in self._neighbors.items():
             self._neighbor_messages[d] = CellMessages(self._architecture, name)
@@ -103,12 +98,10 @@ class VoxelNode(RosNode):
             d: (mailbox, self._neighbor_messages[d].format)
             for d, mailbox in self._mailboxes.items()
         }
-        outputs = [
-            (self._messages_out, self._messages.format),
-            (self._actuation_out, self._actuation_wire),
-        ]
         directional = self._architecture.directional
-        return CompiledStep(state, directional, self._sensors_wire, inputs, outputs)
+        return CompiledStep(
+            state, directional, self._sensors_wire, inputs, self._outputs.formats
+        )
 
     def _on_sensors(self, data: bytes) -> None:
         if self._usual:
@@ -127,7 +120,11 @@ class VoxelNode(RosNode):
             return
         if result is not SensorsResult.ACCEPTED:
             self.count(result.value)
+            if result is SensorsResult.REPEATED:
+                self._outputs.repeat(episode, self._core.step)
             return
+        if self._reliability == BEST_EFFORT:  # no sensors of the past arrive
+            self._core.note_published(episode, step)
         self._use_sensors()
 
     def _use_sensors(self) -> None:
@@ -167,7 +164,7 @@ class VoxelNode(RosNode):
 
     def _subscribe_to_newest(self) -> None:
         """Subscribe to the sensors that are published from now on, besides those of the past."""
-        qos = topics.stream_qos(1)
+        qos = topics.link_qos(self._reliability, 1)
         qos.durability = DurabilityPolicy.VOLATILE
         self._newest = self.create_subscription(
             JointState, SENSORS.of(self._voxel), self._on_newest, qos, raw=True
@@ -187,7 +184,7 @@ class VoxelNode(RosNode):
             if self._newest:
                 self.destroy_subscription(self._newest)
             if (step := self._core.missed_step) is not None:
-                self._send_message(self._core.episode, step, np.zeros(self._messages.shape))
+                self._outputs.publish_silence(self._core.episode, step)
             self._try_step()
 
     def _take_messages(self) -> None:
@@ -256,19 +253,12 @@ class VoxelNode(RosNode):
 
     def _publish(self, answer: Answer) -> None:
         self._mismatch.check(answer.episode)
-        stamp, episode = stamp_of_step(answer.step), np.frombuffer(answer.episode, np.uint8)
-        self._send_message(answer.episode, answer.step, answer.outbox)
-        self._actuation_out.publish(
-            self._actuation_wire.encode(stamp, position=np.array([answer.actuation]),
-                                        episode=episode)
-        )
+        episode, step = answer.episode, answer.step
+        self._outputs.publish_message(episode, step, answer.outbox)
+        self._outputs.publish_actuation(episode, step, answer.actuation)
         self.count('steps')
-        if self._usual and self._core.usual:
-            self._usual.prepare(answer.episode, answer.step, self._core.received())
-
-    def _send_message(self, episode: bytes, step: int, outbox: np.ndarray) -> None:
-        name = np.frombuffer(episode, np.uint8)
-        self._messages_out.publish(self._messages.encode(name, stamp_of_step(step), outbox))
+        if self._usual and self._core.usual and not self._outputs.keeps(step + 1):
+            self._usual.prepare(episode, step, self._core.received())
 
     def _end_with_simulation(self) -> None:
         exists = bool(self._simulations.others())
@@ -279,7 +269,7 @@ class VoxelNode(RosNode):
     def close(self) -> None:
         """Close the line to a device; wait until the subscribers have received what was sent."""
         self._core.cell.close()
-        self.wait_for_readers([self._messages_out, self._actuation_out])
+        self.wait_for_readers([publisher for publisher, _ in self._outputs.formats])
 
 
 def main(argv: list[str]) -> int:

@@ -14,7 +14,7 @@ from snca_ros.recording.diagnostics import TOPIC as DIAGNOSTICS
 from snca_ros.recording.diagnostics import NodeHealth, read_health
 from snca_ros.recording.episodes import number_episodes, one_episode
 from snca_ros.recording.kills import count_kills, lost_by_kills, published_twice
-from snca_ros.recording.outcomes import Outcomes, find_outcomes
+from snca_ros.recording.outcomes import Outcome, Outcomes, find_outcomes
 from snca_ros.recording.poses import read_poses
 from snca_ros.recording.recording import Recording, TopicCount
 from snca_ros.recording.storage import Topic, read_storage
@@ -66,7 +66,7 @@ def read_bag(path: Path | str, episode: int = -1) -> Recording:
         arrays = _arrays(streams, voxels)
         outcomes = find_outcomes(
             streams, voxels, len(arrays['centers']), _lock_step(health),
-            rate := _rate(streams[ODOMETRY]),
+            rate := _rate(streams[ODOMETRY]), lost := _lost_answers(health, voxels),
         )
         kills = _kills(health, streams, voxels, len(arrays['centers']))
         twice = {role: published_twice(stream, numbers[role] == episode)
@@ -81,7 +81,9 @@ def read_bag(path: Path | str, episode: int = -1) -> Recording:
     cells_late = outcomes.late['spikes'] | outcomes.late['values']
     return Recording(
         path=path, closed=closed, robot=robot, episode=episode, n_episodes=n_episodes, rate=rate,
-        counts=_counts(topics, names, streams, outcomes, voxels, refused, kills, twice),
+        counts=_counts(
+            topics, names, streams, outcomes, voxels, refused, kills, twice, lost is not None
+        ),
         health=health, body=read_body(topics[names[ODOMETRY]], voxels),
         poses=poses, physics=_physics(streams), applied=outcomes.applied,
         outcomes=outcomes.outcomes, late=cells_late,
@@ -164,6 +166,19 @@ def _lock_step(health: Mapping[str, NodeHealth]) -> bool | None:
     """Return whether the simulation waited for the voxels; None if it does not say."""
     simulation = health.get('sim_node')
     return None if simulation is None else 'missed deadlines' not in simulation.values
+
+
+def _lost_answers(
+    health: Mapping[str, NodeHealth], voxels: tuple[str, ...]
+) -> dict[str, int] | None:
+    """Return how many answers of each voxel the simulation says that best-effort links have lost.
+
+    Returns None if the links were reliable.
+    """
+    simulation = health.get('sim_node')
+    if simulation is None or 'best-effort links' not in simulation.values:
+        return None
+    return {v: int(simulation.values.get(f'{v}/actuation lost', 0)) for v in voxels}
 
 
 def _physics(streams: Mapping[Role, Stream]) -> str:
@@ -249,7 +264,7 @@ def _kills(
 def _counts(
     topics: Mapping[str, Topic], names: Mapping[Role, str], streams: Mapping[Role, Stream],
     outcomes: Outcomes, voxels: tuple[str, ...], refused: Mapping[str, int],
-    kills: Mapping[str, int], twice: Mapping[Role, np.ndarray],
+    kills: Mapping[str, int], twice: Mapping[Role, np.ndarray], best_effort: bool,
 ) -> tuple[TopicCount, ...]:
     """Count the messages of each topic; a message of the last step is not counted as lost."""
     roles, counts = {name: role for role, name in names.items()}, []
@@ -262,16 +277,19 @@ def _counts(
             continue
         steps = streams[role].steps
         missing = np.setdiff1d(np.arange(n_steps - 1), steps)
-        late = unsent = killed = missing[:0]
+        late = unsent = killed = unheard = unrecorded = missing[:0]
         if role.kind in outcomes.late:
             i = voxels.index(role.voxel)
             late = np.flatnonzero(outcomes.late[role.kind][:, i])
             unsent = np.intersect1d(missing, np.flatnonzero(outcomes.unsent[:, i]))
         missing = np.setdiff1d(missing, unsent)
-        if role.kind == 'actuation':
+        if role.kind == 'actuation' and best_effort:
+            unheard = np.flatnonzero(outcomes.unheard[:, i])
+            unrecorded = missing[outcomes.outcomes[missing, i] == Outcome.IN_TIME]
+        elif role.kind == 'actuation':
             killed = lost_by_kills(missing, outcomes.outcomes[:, i], kills[role.voxel])
         counts.append(TopicCount(
             name, len(steps), missing, strange, late, unsent, killed,
-            twice.get(role, missing[:0]), role.kind,
+            twice.get(role, missing[:0]), unheard, unrecorded, role.kind,
         ))
     return tuple(counts)

@@ -32,18 +32,21 @@ class Outcomes:
         applied: the actuation that moved the body; NaN where it is unknown.
         outcomes: `Outcome` of each answer, uint8.
         late: by kind of topic, which messages were recorded, but came too late to be used.
-        unsent: which voxels sent nothing, for they were dead or had not joined yet.
+        unsent: which voxels sent nothing, for they were dead, had not joined yet, or did not
+            receive the sensors.
+        unheard: over best-effort links, which answers were recorded, but lost to the simulation.
     """
 
     applied: np.ndarray
     outcomes: np.ndarray
     late: dict[str, np.ndarray]
     unsent: np.ndarray
+    unheard: np.ndarray
 
 
 def find_outcomes(
     streams: Mapping[Role, Stream], voxels: tuple[str, ...], n_steps: int,
-    lock_step: bool | None, rate: float,
+    lock_step: bool | None, rate: float, lost: Mapping[str, int] | None = None,
 ) -> Outcomes:
     """Return what moved the body, and which messages came in time.
 
@@ -58,6 +61,8 @@ def find_outcomes(
         n_steps: number of control steps.
         lock_step: whether the simulation waited for answers; None if it is unknown.
         rate: control steps per second of wall time.
+        lost: how many answers of each voxel the simulation did not receive over best-effort links;
+            None for reliable ones. As many that were recorded in time, and not used, were lost.
     """
     shape = n_steps, len(voxels)
     # In lock-step the answer that the simulation waited for may be recorded just after its step.
@@ -69,14 +74,21 @@ def find_outcomes(
             if stream := streams.get(Role(kind, voxel)):
                 sent[kind][stream.steps, i] = True
                 late[kind][stream.steps, i] = stream.order > deadlines[stream.steps]
-    silent = ~np.logical_or.reduce([*sent.values()])
+    silent, unheard = ~np.logical_or.reduce([*sent.values()]), np.zeros(shape, bool)
     if APPLIED in streams and len(streams[APPLIED].steps):
         applied, ages = _applied(streams[APPLIED], voxels, shape)
         known = np.isfinite(ages)
         in_time, evident = ages == 0, _answered(ages)
         for kind in late:
             late[kind] &= ~in_time
-        late['actuation'] = sent['actuation'] & known & ~in_time
+        unused = sent['actuation'] & known & ~in_time
+        if lost is not None:
+            unheard = unused & ~late['actuation'] & ~evident
+            absent = (~sent['actuation'] & known & ~in_time).sum(axis=0)
+            for i, voxel in enumerate(voxels):  # the first ones count as lost, others as late
+                n = max(lost.get(voxel, 0) - absent[i], 0)
+                unheard[:, i] &= unheard[:, i].cumsum() <= n
+        late['actuation'] = unused & ~unheard
         unsent = silent & known & ~evident
     else:
         in_real_time = any(x.any() for x in late.values()) if lock_step is None else not lock_step
@@ -90,7 +102,7 @@ def find_outcomes(
             ages = np.where(late['actuation'], -1.0, np.where(np.isnan(answers), np.nan, 0.0))
             unsent = np.zeros(shape, bool)
     unsent[-1] = False  # no voxel answers the last step
-    return Outcomes(applied, _outcomes(ages), late, unsent)
+    return Outcomes(applied, _outcomes(ages), late, unsent, unheard)
 
 
 def _deadlines(odometry: Stream, n_steps: int, grace: int) -> np.ndarray:

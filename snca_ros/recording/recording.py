@@ -39,6 +39,9 @@ class TopicCount:
         twice: control steps of which there are several messages with different content, for the
             voxel was killed and restarted: the arrays contain the first, and each neighbour used
             the first that it received.
+        unheard: control steps whose message is in the bag, but was lost on the way to the
+            simulation, over a best-effort link.
+        unrecorded: those of `missing` that the simulation had in time, over a best-effort link.
         kind: sensors, spikes, odometry, ..., also if the topic is remapped; empty if `missing` is
             None.
     """
@@ -51,22 +54,30 @@ class TopicCount:
     unsent: np.ndarray = field(default_factory=_no_steps)
     killed: np.ndarray = field(default_factory=_no_steps)
     twice: np.ndarray = field(default_factory=_no_steps)
+    unheard: np.ndarray = field(default_factory=_no_steps)
+    unrecorded: np.ndarray = field(default_factory=_no_steps)
     kind: str = ''
 
     @property
+    def lost_steps(self) -> np.ndarray:
+        """Return the control steps whose message was lost; none if they cannot be counted."""
+        missing = _no_steps() if self.missing is None else self.missing
+        return np.union1d(np.setdiff1d(missing, self.unrecorded), self.unheard)
+
+    @property
     def lost(self) -> int:
-        """Return the number of missing messages; 0 if they cannot be counted."""
-        return 0 if self.missing is None else len(self.missing)
+        """Return the number of lost messages; 0 if they cannot be counted."""
+        return len(self.lost_steps)
 
     @property
     def in_time(self) -> int:
-        """Return the number of received messages that came in time."""
-        return self.received - len(self.late)
+        """Return the number of messages that came in time."""
+        return self.sent - self.lost - len(self.late)
 
     @property
     def sent(self) -> int:
         """Return the number of messages sent; those received if the others cannot be counted."""
-        return self.received + self.lost
+        return self.received + (0 if self.missing is None else len(self.missing))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -55,6 +55,7 @@ def as_dict(recording: Recording, gait: Gait) -> dict[str, object]:
                 'late': None if count.missing is None else len(count.late),
                 'lost': None if count.missing is None else count.lost,
                 'lost_by_kill': None if count.missing is None else len(count.killed),
+                'not_recorded': None if count.missing is None else len(count.unrecorded),
                 'published_twice': None if count.missing is None else len(count.twice),
                 'never_sent': None if count.missing is None else len(count.unsent),
                 'refused': count.refused,
@@ -165,8 +166,9 @@ def _count_lines(recording: Recording) -> list[str]:
         lines.append(_count_line(kind, [c for c in numbered if c.kind == kind]))
     lines.append(_count_line('total', numbered))
     for count in recording.counts:
-        for what, steps in (('late', count.late), ('lost', count.missing),
+        for what, steps in (('late', count.late), ('lost', count.lost_steps),
                             ('of these lost by a kill', count.killed),
+                            ('in time, but not recorded', count.unrecorded),
                             ('published twice', count.twice), ('never sent', count.unsent)):
             if steps is not None and len(steps):
                 lines.append(f'{what} on {count.topic}: {_steps(steps)}')

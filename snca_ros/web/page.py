@@ -156,9 +156,9 @@ def _notes(recording: Recording, frames: Frames) -> list[str]:
     unheard = _unheard(recording)
     if unheard:
         notes.append(unheard)
-    lost = sum(count.lost for count in recording.counts)
-    if lost:
-        notes.append(f'{lost} messages are missing in the bag. They appear as gaps, except that '
+    missing = sum(len(c.missing) for c in recording.counts if c.missing is not None)
+    if missing:
+        notes.append(f'{missing} messages are missing in the bag. They appear as gaps, except that '
                      "the robot's position is interpolated.")
     if not recording.closed:
         notes.append('The recorder did not close this bag: the page shows what it had written.')

@@ -33,6 +33,7 @@ from nav_msgs.msg import Odometry  # noqa: E402
 from sim_node.control_time import step_of_stamp  # noqa: E402
 from sim_node.model.morphology import parse_morphology  # noqa: E402
 from sim_node.model.sensors import DEFAULT_SENSORS  # noqa: E402
+from sim_node.ros.sim_interface import RELIABLE  # noqa: E402
 from sim_node.ros.topics import stream_qos  # noqa: E402
 from snca_ros.cell.architecture import Architecture  # noqa: E402
 from snca_ros.controller_file import (  # noqa: E402
@@ -214,13 +215,16 @@ def start_node(start, tmp_path):
 def walk(start_node, make_controller):
     """Return a function that starts a robot of three voxels; (graph, children by name)."""
 
-    def run(duration=0.0, real_time_factor=0.0, leave_out=(), patience=None, **simulation):
+    def run(
+        duration=0.0, real_time_factor=0.0, leave_out=(), patience=None, reliability=RELIABLE,
+        **simulation,
+    ):
         # Paused until the test listens: the graph is faster than a test that looks at it.
         simulation = {'start_paused': True, **simulation}
         path = make_controller('11-10')
         options = WalkOptions(
             robot='robot', duration=duration, real_time_factor=real_time_factor,
-            simulation=simulation,
+            reliability=reliability, simulation=simulation,
         )
         graph = describe_graph(path, load_controller(path), options)
         children = {'sim_node': start_node(graph, graph.simulation)}

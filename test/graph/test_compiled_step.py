@@ -12,6 +12,7 @@ from sim_node.control_time import stamp_of_step
 from sim_node.model.morphology import DIRECTIONS, OPPOSITE
 from sim_node.ros import rcl_functions, topics
 from sim_node.ros.node_base import take_all
+from sim_node.ros.sim_interface import BEST_EFFORT, RELIABLE
 from snca_ros.cell.architecture import Architecture
 from snca_ros.cell.cells import Cells
 from snca_ros.nodes.cell_messages import CellMessages
@@ -21,8 +22,8 @@ EPISODE = b'r0123456'
 OWN, LEFT, ABOVE = 'voxel_1_0', 'voxel_0_0', 'voxel_1_1'
 NEIGHBORS = {DIRECTIONS.index('left'): LEFT, DIRECTIONS.index('above'): ABOVE}
 CELLS = [
-    ('U-nD', 'snn-h', {}), ('nU-D', 'snn', {'n_c': 3}), ('U-D', 'mlp', {'n_c': 2}),
-    ('U-nD', 'mlp', {'hidden': (5, 4)}),
+    ('U-nD', 'snn-h', {}, RELIABLE), ('nU-D', 'snn', {'n_c': 3}, BEST_EFFORT),
+    ('U-D', 'mlp', {'n_c': 2}, RELIABLE), ('U-nD', 'mlp', {'hidden': (5, 4)}, BEST_EFFORT),
 ]
 
 
@@ -35,12 +36,12 @@ def wait(condition):
 @pytest.fixture(params=CELLS, ids=lambda cell: '-'.join(cell[:2]))
 def voxel(request, node):
     """Return a voxel with a compiled step, its cell's twin, and what its neighbours publish."""
-    name, model, options = request.param
+    name, model, options, reliability = request.param
     architecture = Architecture.named(name, model, **options)
     rng = np.random.default_rng(1)
     weights = rng.uniform(-1.0, 1.0, (1, architecture.parameters_per_cell))
     cells, twin = Cells(architecture, weights), Cells(architecture, weights)
-    qos = topics.stream_qos()
+    qos = topics.link_qos(reliability)
     formats = {d: CellMessages(architecture, name) for d, name in NEIGHBORS.items()}
     to_voxel = {d: node.create_publisher(Image, f'{n}/m', qos) for d, n in NEIGHBORS.items()}
     boxes = {d: node.create_subscription(Image, f'{n}/m', print, qos, raw=True)

@@ -4,13 +4,17 @@ import os
 import re
 import shutil
 import subprocess
+from collections import defaultdict
 
+import numpy as np
 import pytest
 from support.limits import LIMIT
 from support.processes import TICK, wait_until
 
+from snca_ros.bundled import DEFAULT_CONTROLLER
 from snca_ros.graph.environment import PROFILE_VARIABLES
 from snca_ros.recording.bag import read_bag
+from snca_ros.recording.outcomes import Outcome
 
 pytestmark = pytest.mark.root
 
@@ -137,3 +141,46 @@ def test_walk_in_real_time_survives_a_cut_cable(cable, start, make_controller, t
     assert on_time + late + lost == 360
     assert late + lost > 60  # of the 120 steps of two seconds
     assert on_time > 100
+
+
+def shares_lost(bag):
+    """Return the shares of lost sensors, spikes and actuation, by whether they cross the cable."""
+    counts = defaultdict(lambda: np.zeros(3, dtype=int))
+    here = {'sim_node', *bag.voxel_names[: len(bag.voxel_names) // 2]}
+    for node, health in bag.health.items():
+        for topic, delivered in health.deliveries.items():
+            sender, kind = topic.split('/')
+            sender = 'sim_node' if kind == 'sensors' else sender
+            counts[kind, sender in here, node in here] += delivered
+    return {key: lost / (on_time + late + lost) for key, (on_time, late, lost) in counts.items()}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not shutil.which('nft'), reason='no nft; Debian, Ubuntu: apt install nftables')
+def test_biped_walks_over_a_cable_that_drops_30_percent(cable, start, tmp_path, monkeypatch):
+    """Best effort: messages that are lost on the cable are counted there, and end nothing."""
+    cable.lose(30)
+    monkeypatch.setenv('ROS_STATIC_PEERS', '10.71.0.1;10.71.0.2')
+    options = '--real-time', '--reliability', 'best_effort', '--voxels-per-process', 5
+    there = start('voxels', DEFAULT_CONTROLLER, '--only', '2/2', *options, prefix=cable.prefix(1))
+    here = start('walk', DEFAULT_CONTROLLER, '--only', '1/2', '--duration', 8, '--bag', 'bag',
+                 *options, prefix=cable.prefix(0))
+    output, _ = here.communicate(timeout=LIMIT)
+    assert here.returncode == 0, output
+    remote_output, _ = there.communicate(timeout=LIMIT)
+    assert there.returncode == 0, remote_output
+    assert 'ended with code' not in output + remote_output
+    assert min(cable.dropped()) > 100
+    bag = read_bag(tmp_path / 'bag')
+    assert (bag.n_steps, len(bag.health)) == (481, 12)
+    assert bag.centers[-1, 0] - bag.centers[0, 0] > 2.0
+    lost = shares_lost(bag)
+    assert 0.25 < lost['sensors', True, False] < 0.35
+    assert 0.25 < lost['spikes', True, False] < 0.35
+    # A voxel answers 70 % of the sensors, of which it receives 70 %.
+    assert 0.45 < lost['actuation', False, True] < 0.57
+    assert 0.45 < lost['spikes', False, True] < 0.57
+    for kind in ('sensors', 'actuation', 'spikes'):
+        assert lost[kind, True, True] < 0.05
+    in_time = sum(count.in_time for count in bag.counts if count.kind == 'actuation')
+    assert in_time == np.count_nonzero(bag.outcomes == Outcome.IN_TIME)

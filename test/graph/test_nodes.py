@@ -81,6 +81,12 @@ BAD = {
         'recorder_node', ['-p', 'qos_overrides./robot/odometry.subscription.depth:=5'],
         ['qos_overrides./robot/odometry', 'QoS of topics is fixed'],
     ),
+    'best effort in lock-step': (
+        'sim_node', ['-p', 'reliability:=best_effort'], ['/sim_node: reliability', 'lock-step']
+    ),
+    'best-effort voxel in lock-step': (
+        'voxel_node', ['-p', 'reliability:=best_effort'], ['/voxel_0_0: reliability', 'lock-step']
+    ),
     'unknown policy': ('sim_node', ['-p', 'on_silence:=wait'], ['on_silence', 'go_on']),
     'unknown physics': (
         'sim_node', ['-p', 'solver.physics:=frist'], ['solver.physics', "'frist'", "'first'"]

@@ -88,3 +88,20 @@ def test_a_path_that_no_ros_parameter_can_hold_is_refused(controller, bag, field
     )
     with pytest.raises(InvalidInput, match=f'{field}: got .*udcff.*a path in UTF-8'):
         describe_graph(controller, trained, WalkOptions(bag=bag))
+
+
+def test_all_nodes_get_the_reliability_of_the_links(tmp_path):
+    architecture = Architecture.named('U-nD', 'mlp')
+    trained = TrainedController(architecture, BIPED, np.zeros(architecture.n_parameters(10)))
+    for reliability in ('reliable', 'best_effort'):
+        options = WalkOptions(
+            real_time_factor=1.0, bag=str(tmp_path / 'bag'), reliability=reliability
+        )
+        nodes = yaml.safe_load(describe_graph(tmp_path, trained, options).parameters_yaml())
+        assert len(nodes) == 12
+        for node in nodes.values():
+            assert node['ros__parameters']['reliability'] == reliability
+    with pytest.raises(InvalidInput, match=r"reliability: got 'best_effort'.*lock-step.*real time"):
+        describe_graph(tmp_path, trained, WalkOptions(reliability='best_effort'))
+    with pytest.raises(InvalidInput, match=r"reliability: got 'best-effort'.*best_effort"):
+        WalkOptions(reliability='best-effort')

@@ -1,11 +1,14 @@
 """What moved the body is told by the simulation, or follows from the order of messages."""
 
+import tempfile
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.synthetic_bag import (
+    count_of,
     death,
     diagnostics,
     joint_state,
@@ -18,6 +21,7 @@ from sim_node.ros.actuation_buffer import Answers
 from snca_ros.recording.bag import read_bag
 from snca_ros.recording.gait import measure_gait
 from snca_ros.recording.outcomes import Outcome, find_outcomes
+from snca_ros.recording.report import report_lines
 from snca_ros.recording.streams import Stream
 from snca_ros.recording.topics import APPLIED, ODOMETRY, Role
 
@@ -147,3 +151,47 @@ def test_the_order_of_messages_tells_what_the_simulation_says(delays):
     np.testing.assert_array_equal(found.outcomes, told.outcomes)
     np.testing.assert_array_equal(found.applied, told.applied)
     np.testing.assert_array_equal(found.late['actuation'], told.late['actuation'])
+
+
+LOSSY = {'missed deadlines': 0, 'best-effort links': 2}
+HEARD, UNHEARD, UNRECORDED, LOST, LATE, UNSENT, TOO_LATE = range(7)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.integers(HEARD, TOO_LATE), min_size=9, max_size=30))
+def test_best_effort_links_lose_answers_to_the_simulation_or_to_the_recorder(fates):
+    """Spikes of a step are recorded, unless nothing was sent.
+
+    An answer can be late for the simulation alone, which then counts fewer as lost.
+    """
+    n, walk = len(fates), make_walk(len(fates))
+    fates = np.array(fates)
+    fates[-1] = HEARD  # the last late answer is recorded before the walk ends
+    ages = np.zeros((n, 2))
+    ages[~np.isin(fates, (HEARD, UNRECORDED)), VOXEL] = -1.0
+    messages = messages_of_walk(replace(walk, ages=ages))
+    topic = '/biped/voxel_1_0/actuation'
+    for k in range(n - 1, -1, -1):  # so that late answers are not taken for those of the step
+        answers = [m for m in messages[k] if m[0] == topic]
+        if fates[k] in (UNRECORDED, LOST, LATE):
+            messages[k] = [m for m in messages[k] if m[0] != topic]
+        if fates[k] == LATE:
+            messages[k + 1] += answers
+        if fates[k] == UNSENT:
+            messages[k] = [m for m in messages[k] if 'voxel_1_0' not in m[0] or 'sensors' in m[0]]
+    lost = {'voxel_1_0/actuation lost': int(np.isin(fates, (UNHEARD, LOST, UNSENT)).sum())}
+    messages[-1].append(('/diagnostics', diagnostics('/biped/sim_node', {**LOSSY, **lost})))
+    with tempfile.TemporaryDirectory() as folder:
+        bag = read_bag(write_messages(Path(folder, 'bag'), messages))
+    count = count_of(bag, topic)
+    number = [int((fates == fate).sum()) for fate in range(7)]
+    assert count.in_time == number[HEARD] + number[UNRECORDED]
+    assert count.lost == number[UNHEARD] + number[LOST]
+    assert len(count.late) == number[LATE] + number[TOO_LATE]
+    assert len(count.unsent) == number[UNSENT]
+    assert count.sent == n - number[UNSENT]
+    assert len(count.unrecorded) == number[UNRECORDED]
+    assert not len(count.killed)
+    assert count_of(bag, '/biped/voxel_0_0/actuation').in_time == n
+    text = '\n'.join(report_lines(bag, measure_gait(bag)))
+    assert (f'lost on {topic}: {count.lost} (steps' in text) == bool(count.lost)

@@ -125,11 +125,12 @@ def test_json_and_figure_are_written_to_given_paths(bag, tmp_path):
     assert told['voxels']['voxel_1_0']['frequency'] == gait.frequencies[1]
     assert told['topics']['/biped/voxel_1_0/spikes'] == {
         'sent': 30, 'received': 28, 'in_time': 28, 'late': 0, 'lost': 2, 'never_sent': 0,
-        'refused': 0, 'lost_by_kill': 0, 'published_twice': 0,
+        'refused': 0, 'lost_by_kill': 0, 'not_recorded': 0, 'published_twice': 0,
     }
     assert told['topics']['/biped/markers'] == {
         'sent': None, 'received': 16, 'in_time': None, 'late': None, 'lost': None,
-        'never_sent': None, 'refused': 0, 'lost_by_kill': None, 'published_twice': None,
+        'never_sent': None, 'refused': 0, 'lost_by_kill': None, 'not_recorded': None,
+        'published_twice': None,
     }
     assert not (bag / 'report.png').exists()
 
