@@ -86,7 +86,7 @@ def _describe(trained: TrainedController) -> str:
     return (
         f'{trained.morphology.name}, {trained.morphology.n_voxels} voxels, {cells.name} '
         f'{cells.neuron_model}, evolved on {trained.terrain} in the physics '
-        f'{trained.solver.physics} for {trained.evaluations} evaluations to '
+        f'{trained.solver.physics} for {trained.evaluations} episodes to '
         f'{trained.achieved}'
     )
 

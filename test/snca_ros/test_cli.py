@@ -213,7 +213,7 @@ def test_a_value_that_is_off_is_named_with_its_option_and_range(name, capsys):
 
 
 @pytest.mark.parametrize(('arguments', 'hint'), [
-    (['evolve', '--evaluatons', '9'], "'--evaluatons' (did you mean '--evaluations'?)"),
+    (['evolve', '--evaluatons', '9'], "'--evaluatons' (did you mean '--episodes'?)"),
     (['assess', 'x.npz', '--terains=flat'], "'--terains=flat' (did you mean '--terrains'?)"),
     (['report', 'bag', 'bog'], "unknown argument 'bog';"),
     (['report'], 'required: BAG'),
@@ -320,7 +320,7 @@ def test_help_of_evolve_names_its_options(capsys):
     assert end.value.code == 0
     out = capsys.readouterr().out
     assert out.startswith('usage: snca evolve')
-    wanted = 'shape architecture neuron-model terrain evaluations seed workers resume run'
+    wanted = 'shape architecture neuron-model terrain episodes seed workers resume run'
     for option in wanted.split():
         assert f'--{option} ' in out
 

@@ -34,7 +34,7 @@ from snca_ros.recording.episode import RECORDABLE
 
 ENVIRONMENT = {**os.environ, 'PYTHONPATH': str(ROOT)}
 FAULTS = 'loss=0.3,delay=1,death=0.5@0.5,broken_sensors=random:0.3,broken_actuators=frozen:0.3'
-TINY = {'evaluations': 10, 'population': 4, 'duration': 0.5, 'transient': 0.1}
+TINY = {'episodes': 10, 'population': 4, 'duration': 0.5, 'transient': 0.1}
 
 
 def make_robot(model='snn-h', **options):
@@ -250,7 +250,7 @@ def test_evolve_is_the_command(tmp_path):
         assert (tmp_path / 'a' / name).read_bytes() == (tmp_path / 'b' / name).read_bytes()
     np.testing.assert_array_equal([tuple(row) for row in run.history], progress.history)
     assert [len(now.history) for now in seen] == [1, 2, 3]
-    assert run.history['evaluations'].tolist() == [4, 7, 10]
+    assert run.history['episodes'].tolist() == [4, 7, 10]
     best = run.best.trained.fitness
     assert best == run.history['best_so_far'][-1]
     assert run.best.name == 'a'
@@ -258,7 +258,7 @@ def test_evolve_is_the_command(tmp_path):
         run.best.parameters, load_controller(tmp_path / 'b' / 'best.npz').parameters
     )
     np.testing.assert_array_equal(snca.load(tmp_path / 'a').parameters, run.best.parameters)
-    assert repr(run).endswith(f', 10 of 10 evaluations, best v_x {best:.3f} m/s)')
+    assert repr(run).endswith(f', 10 of 10 episodes, best v_x {best:.3f} m/s)')
 
 
 def test_an_interrupted_run_goes_on(tmp_path):
@@ -297,7 +297,7 @@ def test_all_options_of_the_command_are_arguments():
 @pytest.mark.parametrize(('call', 'text'), [
     ({'shape': 'tripot'}, "did you mean 'tripod'"),
     ({'neuron_model': 'snn-x'}, 'neuron_model'),
-    ({'evaluations': 0}, 'evaluations: got 0'),
+    ({'episodes': 0}, 'episodes: got 0'),
     ({'workers': 0}, 'workers: got 0, expected an integer from 1'),
     ({'strategy': 'cmaes'}, 'strategy'),
 ])

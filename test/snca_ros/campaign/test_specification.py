@@ -42,7 +42,7 @@ def test_the_papers_main_campaign():
     assert cases == {(s, *kind) for s in ('biped', 'comb', 'worm') for kind in kinds}
     assert len(runs) == 90
     assert [run.seed for run in runs] == [seed for seed in range(10) for _ in range(9)]
-    assert {(run.evaluations, run.engine, run.terrain, run.solver) for run in runs} == {
+    assert {(run.episodes, run.engine, run.terrain, run.solver) for run in runs} == {
         (30_000, 'batched', 'flat', Solver(physics='reference'))
     }
     assert runs[0] == RunConfig('biped', Architecture.named('U-nD', 'snn-h'), engine='batched')
@@ -87,7 +87,7 @@ def test_the_small_campaign_asks_the_same_question():
 
 def test_cases_are_products_of_their_lists_and_the_shared_ones(tmp_path):
     runs = runs_of(tmp_path, {
-        'seed': [0, 1], 'shape': ['worm', 'comb'], 'neuron_model': 'mlp', 'evaluations': 50,
+        'seed': [0, 1], 'shape': ['worm', 'comb'], 'neuron_model': 'mlp', 'episodes': 50,
         'cases': [
             {'architecture': ['U-D', 'nU-D']},
             {'architecture': 'U-D', 'seed': [1, 2], 'as_printed': True, 'shape': 'worm'},
@@ -99,7 +99,7 @@ def test_cases_are_products_of_their_lists_and_the_shared_ones(tmp_path):
     assert len(told) == len(set(told)) == 2 * 2 * 2 + 2
     assert ('worm', 'U-D', True, 2) in told
     assert ('comb', 'nU-D', False, 1) in told
-    assert {run.evaluations for run in runs} == {50}
+    assert {run.episodes for run in runs} == {50}
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_cases_are_products_of_their_lists_and_the_shared_ones(tmp_path):
         ('shape: worm\nseed: 1\nseed: 2', ['seed', 'lines 2 and 3']),
         ({**GOOD, 'shape': ''}, ['morphology', "''"]),
         (f'{SHORT}, seed: 0100}}', ['seed', "'0100'"]),
-        (f'{SHORT}, evaluations: 1_000}}', ['evaluations', "'1_000'"]),
+        (f'{SHORT}, episodes: 1_000}}', ['episodes', "'1_000'"]),
         (f'{SHORT}, shape: 0111-11}}', ['lines 1']),
         ({**GOOD, 'seed': 2**32}, ['seed', '4294967296']),
     ],
@@ -159,10 +159,11 @@ def test_any_value_is_taken_or_refused(tmp_path_factory, key, value):
 def test_every_setting_is_in_a_runs_name():
     plain = RunConfig('worm', Architecture.named('U-D', 'mlp'))
     others = {
-        'shape': 'comb', 'terrain': 'uphill-10', 'evaluations': 10, 'seed': 1, 'population': 8,
+        'shape': 'comb', 'terrain': 'uphill-10', 'episodes': 500, 'seed': 1, 'population': 8,
         'sigma': 0.3500001, 'duration': 20.0, 'transient': 1.0, 'engine': 'batched',
         'strategy': 'cma', 'architecture': Architecture.named('nU-D', 'mlp'),
-        'solver': Solver(physics='first'),
+        'solver': Solver(physics='first'), 'faults': 'loss=0.3', 'starts': 2, 'draw': 3,
+        'score': 'minimum',
     }
     assert others.keys() == {f.name for f in fields(RunConfig)} - {'material', 'task'}
     cells = [

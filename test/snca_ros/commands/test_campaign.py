@@ -83,7 +83,7 @@ def test_every_run_has_its_row_history_and_controller(file, whole):
         config = configs[name]
         assert tuple(row) == COLUMNS
         assert {key: row[key] for key in settings_of(config)} == settings_of(config)
-        assert (row['seed'], row['evaluations'], row['duration']) == (str(config.seed), '40', '1')
+        assert (row['seed'], row['episodes'], row['duration']) == (str(config.seed), '40', '1')
         assert (row['strategy'], row['physics'], row['as_printed']) == ('es', 'reference', 'false')
         assert row['terrain_set'] == 'seeds-1-12'
         versions = package_versions()
@@ -97,6 +97,7 @@ def test_every_run_has_its_row_history_and_controller(file, whole):
 
 def test_every_setting_of_a_run_has_a_column():
     settings = {f.name for of in (RunConfig, Architecture, Solver) for f in fields(of)}
+    settings = {'evolution_starts' if name == 'starts' else name for name in settings}
     # uniform and directional are the architecture's name; campaigns refuse the others.
     others = {'material', 'task', 'sensors', 'arithmetic'}
     assert settings - {*COLUMNS} == {'uniform', 'directional', 'solver', *others}
@@ -158,7 +159,7 @@ def test_only_what_an_engine_cannot_do_is_empty(whole, tmp_path):
     for row in rows_of(whole).values():
         assert [column for column, value in row.items() if not value] == []
     config = RunConfig(
-        'worm-2x1', Architecture.named('U-D', 'mlp'), evaluations=4, population=4, duration=0.5,
+        'worm-2x1', Architecture.named('U-D', 'mlp'), episodes=4, population=4, duration=0.5,
         transient=0.1, solver=Solver(self_collision=True),
     )
     row = perform(config, tmp_path / 'run').row
@@ -181,15 +182,15 @@ def test_run_that_an_earlier_version_finished_is_refused(file, whole, tmp_path):
 def test_history_is_the_best_so_far_where_it_rises(whole):
     for name in rows_of(whole):
         with (whole / 'runs' / name / 'history.csv').open(newline='') as full:
-            points = [(int(r['evaluations']), r['best_so_far']) for r in csv.DictReader(full)]
+            points = [(int(r['episodes']), r['best_so_far']) for r in csv.DictReader(full)]
         with (whole / 'results' / 'histories' / f'{name}.csv').open(newline='') as thin:
-            kept = [(int(r['evaluations']), r['best_so_far']) for r in csv.DictReader(thin)]
+            kept = [(int(r['episodes']), r['best_so_far']) for r in csv.DictReader(thin)]
         assert set(kept) <= set(points)
         assert (kept[0], kept[-1]) == (points[0], points[-1])
         curve = {}
-        for evaluations, best in points:  # the step function through the kept points
-            curve[evaluations] = [b for e, b in kept if e <= evaluations][-1]
-            assert curve[evaluations] == best
+        for episodes, best in points:  # the step function through the kept points
+            curve[episodes] = [b for e, b in kept if e <= episodes][-1]
+            assert curve[episodes] == best
 
 
 def test_workers_do_not_matter(file, whole, tmp_path):
@@ -352,7 +353,7 @@ def test_scheduler_that_does_not_answer_leaves_nothing_behind(file, tmp_path, mo
         (lambda text: text[: len(text) // 2], ['results.csv:']),
         (lambda text: text + text.splitlines()[1] + '\n', ['run', 'one row per run']),
         (lambda text: text.replace(',40,0,', ',40,zero,', 1), ['seed', "'zero'", 'a whole']),
-        (lambda text: text.replace(',40,0,', ',40.5,0,', 1), ['evaluations', "'40.5'"]),
+        (lambda text: text.replace(',40,0,', ',40.5,0,', 1), ['episodes', "'40.5'"]),
         (lambda text: text.replace(',1-20,', ',1-20,x', 1), ['v_x_pushed_mean', 'a number']),
         (lambda text: text.replace(',101-120,', ',101-120,x', 1), ['v_x_robust_mean', 'a number']),
         (lambda text: text.replace(',1-20,', ',1-20,,', 1), ['values']),
