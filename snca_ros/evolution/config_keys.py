@@ -24,7 +24,8 @@ def present_keys(values: dict) -> dict:
 def compacted(settings: dict[str, Any]) -> dict[str, Any]:
     """Return settings of a run, with shapes, terrains and faults as texts without spaces."""
     separators = {'shape': ',', 'terrain': ',', 'faults': ';'}
-    return {
+    found = {
         key: compact(value, separators[key]) if key in separators else value
         for key, value in settings.items()
     }
+    return {**found, 'faults': ''} if found.get('faults') == 'none' else found

@@ -67,7 +67,7 @@ def test_a_line_on_a_terminal_stays_one_line(monkeypatch):
     ('3 of 9 runs done, 2 running; episodes 1.0/s', 30, '3 of 9 runs done, 2 running'),
     ('3 of 9 runs done, 2 running; episodes 1.0/s', 27, '3 of 9 runs done, 2 running'),
     ('3 of 9 runs done, 2 running', 26, '3 of 9 runs done'),
-    ('10/40 episodes  1.0/s  best 0.50', 34, '10/40 episodes  1.0/s'),
+    ('10/40 episodes  1.0/s  best 0.50', 31, '10/40 episodes  1.0/s'),
     ('ten of forty episodes', 11, 'ten of'), ('word', 3, 'wor'), ('word', 4, 'word'),
 ])
 def test_a_line_is_cut_between_its_parts(text, width, shown):

@@ -3,6 +3,7 @@
 import argparse
 import ast
 import inspect
+import json
 import os
 import subprocess
 import sys
@@ -20,6 +21,7 @@ import snca_ros as snca
 from sim_node.model.material import Material
 from sim_node.model.morphology import parse_morphology
 from sim_node.simulation import Diverged, Simulation
+from snca_ros import cli
 from snca_ros.api.processes import worker_processes
 from snca_ros.cell.architecture import Architecture
 from snca_ros.commands.evolve import add_arguments
@@ -259,6 +261,55 @@ def test_evolve_is_the_command(tmp_path):
     )
     np.testing.assert_array_equal(snca.load(tmp_path / 'a').parameters, run.best.parameters)
     assert repr(run).endswith(f', 10 of 10 episodes, best v_x {best:.3f} m/s)')
+
+
+def test_evolve_on_a_set_is_the_command(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'faults.yaml').write_text('loss: 0.3\nseed: 4\n')
+    run = snca.evolve(
+        ['11', '11-10'], 'U-D', 'mlp', terrain=['flat', 'uphill-10'],
+        faults=['none', 'faults.yaml', snca.Faults(delay=1)], starts=1, score='minimum',
+        run=tmp_path / 'a', **{**TINY, 'episodes': 60},
+    )
+    assert run.config.episode_set.n_episodes == 12
+    assert run.config.faults == 'none;loss=0.3,seed=4;delay=1'
+    assert run.history['episodes'].tolist() == [48, 60]
+    assert repr(run).endswith(
+        f'60 of 60 episodes, best minimum v_x {run.best.trained.fitness:.3f} m/s over 12 episodes)'
+    )
+    command = (
+        'evolve --shape 11,11-10 --architecture U-D --neuron-model mlp --terrain flat,uphill-10 '
+        '--faults none --faults faults.yaml --faults delay=1 --starts 1 --score minimum '
+        '--episodes 60 --population 4 --duration 0.5 --transient 0.1 --workers 1 --run b'
+    )
+    assert cli.main([*command.split(), '--json', 'b.json']) == 0
+    out, err = capsys.readouterr()
+    assert '11, 11-10 on flat, uphill-10, faults none; loss=0.3,seed=4; delay=1, starts 1' in err
+    assert 'starts 1 to 1, minimum of 12 episodes per candidate, U-D mlp' in err
+    assert 'minimum v_x ' in out
+    assert ', over 12 episodes each (chosen by pymunk), 60 episodes\n' in out
+    for name in ('history.csv', 'config.yaml', 'best.npz'):
+        assert (tmp_path / 'a' / name).read_bytes() == (tmp_path / 'b' / name).read_bytes()
+    found = json.loads((tmp_path / 'b.json').read_text())
+    assert (found['score'], found['episodes'], found['episodes_of_score']) == ('minimum', 60, 12)
+
+
+def test_the_former_name_of_the_budget_still_works(tmp_path, capsys):
+    call = {'shape': '11', 'neuron_model': 'mlp', **TINY}
+    run = snca.evolve(**call, run=tmp_path / 'a')
+    del call['episodes']
+    with pytest.warns(DeprecationWarning, match='evaluations is now episodes'):
+        again = snca.evolve(**call, evaluations=10, run=tmp_path / 'a', resume=True)
+    np.testing.assert_array_equal(again.history, run.history)
+    with (
+        pytest.warns(DeprecationWarning, match='episodes'),
+        pytest.raises(snca.InvalidInput, match='alone'),
+    ):
+        snca.evolve(**call, evaluations=10, episodes=10, run=tmp_path / 'b')
+    command = ['evolve', '--shape', 'bipd', '--evaluations', '10']
+    assert cli.main(command) == 2
+    err = capsys.readouterr().err
+    assert 'snca evolve: warning: --evaluations is now --episodes\n' in err
 
 
 def test_an_interrupted_run_goes_on(tmp_path):

@@ -21,12 +21,9 @@ from sim_node.model.material import Material
 from sim_node.model.morphology import parse_morphology
 from sim_node.model.solver import Solver
 from snca_ros.cell.architecture import Architecture
-from snca_ros.controller_file import (
-    TrainedController,
-    code_version,
-    load_controller,
-    save_controller,
-)
+from snca_ros.controller_file import TrainedController, load_controller, save_controller
+from snca_ros.evolution.episode_set import EpisodeSet
+from snca_ros.versions import code_version
 
 NINE = [(name, model) for name in ('U-nD', 'U-D', 'nU-D') for model in ('mlp', 'snn', 'snn-h')]
 
@@ -54,6 +51,24 @@ def test_every_fitness_is_kept(path, fitness):
     assert np.float64(again).tobytes() == np.float64(fitness).tobytes()
 
 
+def test_the_set_of_episodes_is_kept(path):
+    episodes = EpisodeSet('11,worm', 'flat,uphill-10', 'loss=0..0.5;none', draw=8, score='minimum')
+    trained = make(fitness=6.1, episode_set=episodes, n_episodes=32)
+    save_controller(path, trained)
+    assert_same(trained, load_controller(path))
+    assert trained.achieved == 'minimum v_x 6.100 m/s over 32 episodes'
+    assert 'minimum v_x 6.100 m/s over 32 episodes' in repr(trained)
+    one = make(fitness=6.1, episode_set=EpisodeSet(starts=1))
+    assert one.achieved == 'mean v_x 6.100 m/s over 1 episode'
+
+
+def test_a_file_of_one_plain_episode_does_not_mention_sets(path):
+    save_controller(path, make(fitness=6.1))
+    with np.load(path, allow_pickle=False) as data:
+        assert 'episode_set' not in data['header'].item()
+    assert make(fitness=6.1).achieved == 'v_x 6.100 m/s'
+
+
 def test_versions_are_told(path):
     save_controller(path, make())
     versions = load_controller(path).versions
@@ -74,8 +89,8 @@ def test_version_of_the_code_is_the_commit_that_last_changed_it(tmp_path):
     def version():
         """Ask a copy of the module, as another process would."""
         program = (
-            'import sys; from snca_ros import controller_file as c; '
-            f'c.__file__ = {str(tmp_path / "snca_ros" / "controller_file.py")!r}; '
+            'import sys; from snca_ros import versions as c; '
+            f'c.__file__ = {str(tmp_path / "snca_ros" / "versions.py")!r}; '
             'print(c.code_version())'
         )
         return subprocess.run(

@@ -1,6 +1,7 @@
 """Runs on sets of episodes: their scores, budgets, choice of the best, and resumption."""
 
 import contextlib
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -193,7 +194,7 @@ def test_a_budget_within_the_first_generation(tmp_path, episodes):
     lambda further: further.astype(str),
 ])
 def test_damaged_further_scores_are_refused(tmp_path, drawn, damage):
-    evolved(tmp_path / 'run', DRAWN)
+    shutil.copytree(drawn[0], tmp_path / 'run')
     path = tmp_path / 'run' / 'checkpoint.npz'
     arrays = arrays_of(path)
     np.savez(path, **{**arrays, 'further': damage(arrays['further'])})
