@@ -84,10 +84,10 @@ class EpisodeSet:
     )
 
     def __post_init__(self) -> None:
-        for text, parse in ((self.shape, parse_morphology), (self.terrain, parse_terrain)):
-            for name in text.split(',') if isinstance(text, str) else [text]:
-                parse(name)
         check_declared(self)
+        for names, parse in ((self.shapes, parse_morphology), (self.terrains, parse_terrain)):
+            for name in names:
+                parse(name)
         for field in ('shape', 'terrain', 'faults'):
             members = getattr(self, field).split(';' if field == 'faults' else ',')
             if not self.draw and len(set(members)) < len(members):

@@ -130,7 +130,7 @@ def test_tenths_have_whole_ranks():
     ({'shape': 'biped,bipd'}, ["'bipd'", "did you mean 'biped'?"]),
     ({'shape': 'biped,'}, ['morphology', "''"]),
     ({'shape': 'biped, comb'}, ["' comb'"]),
-    ({'shape': ['biped']}, ['morphology', "['biped']"]),
+    ({'shape': ['biped']}, ['shape', "['biped']", 'a string']),
     ({'shape': 'biped,biped'}, ['shape', 'each once']),
     ({'terrain': 'flat,hily-1-10-0'}, ["'hily-1-10-0'", "did you mean 'hilly'?"]),
     ({'faults': 'loss=0..0.5'}, ['faults', 'no range', 'draw']),
