@@ -3,7 +3,7 @@
     python -m benchmarks.campaign [--quick] [--json FILE]
 
 One run of each case evolves in this process for some time, as in a worker of `campaign`, and is
-assessed. Rates are evaluations per second of CPU time, after the first third, when robots begin to
+assessed. Rates are episodes per second of CPU time, after the first third, when robots begin to
 walk. Core-hours of evolution and of assessment are listed separately.
 """
 
@@ -34,13 +34,13 @@ def case_of(config: RunConfig) -> str:
 
 
 def measure_run(config: RunConfig, generations: int) -> tuple[float, float]:
-    """Return evaluations per second of CPU time of a run, and CPU seconds of its assessment."""
+    """Return episodes per second of CPU time of a run, and CPU seconds of its assessment."""
     marks: list[tuple[float, int]] = []
-    short = replace(config, evaluations=generations * config.population)
+    short = replace(config, episodes=generations * config.population)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'run'
         run = RunFolder.create(path, short)
-        evolve(run, IN_PROCESS, lambda p: marks.append((time.process_time(), p.evaluations)))
+        evolve(run, IN_PROCESS, lambda p: marks.append((time.process_time(), p.episodes)))
         run.close()
         finished = time.process_time()
         perform(short, path)  # it finds the run evolved, and assesses it
@@ -74,7 +74,7 @@ def measure(quick: bool) -> dict:
         for name, configs in campaigns.items()
     }
     hours = {
-        name: [config.evaluations / rates[case_of(config)] / 3600.0 for config in configs]
+        name: [config.episodes / rates[case_of(config)] / 3600.0 for config in configs]
         for name, configs in campaigns.items()
     }
     return {
@@ -84,7 +84,7 @@ def measure(quick: bool) -> dict:
 
 def table(results: dict) -> str:
     """Return the measurements as text."""
-    lines = ['evaluations per second of CPU time']
+    lines = ['episodes per second of CPU time']
     lines += [f'  {case:20}{n:7.0f}' for case, n in results['evaluations_per_cpu_second'].items()]
     lines.append(f'{"":30}   runs  core-hours  assessment  longest run [min]'
                  + ''.join(f'{f"{cores} cores [h]":>16}' for cores in CORES))

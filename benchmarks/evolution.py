@@ -1,4 +1,4 @@
-"""Measures the cost of evolution besides its episodes: evaluations/s in both engines, memory.
+"""Measures the cost of evolution besides its episodes: episodes/s in both engines, memory.
 
     python -m benchmarks.evolution [--quick] [--json FILE]
 
@@ -24,11 +24,11 @@ from snca_ros.evolution.evolve import evolve
 from snca_ros.evolution.workers import local_workers
 
 
-def config_of(evaluations: int, duration: float, engine: str = 'pymunk') -> RunConfig:
+def config_of(episodes: int, duration: float, engine: str = 'pymunk') -> RunConfig:
     """Return the configuration of a run of the biped SNCA."""
     return RunConfig(
         'biped', Architecture.named('U-nD', 'snn-h'), engine=engine,
-        evaluations=evaluations, duration=duration, transient=duration / 6.0,
+        episodes=episodes, duration=duration, transient=duration / 6.0,
     )
 
 
@@ -71,21 +71,21 @@ def run_evolution(config: RunConfig, n_workers: int) -> dict:
     }
 
 
-def memory(evaluations: int) -> list[dict]:
+def memory(episodes: int) -> list[dict]:
     """Return the resident memory [MB] of parent and worker during a run."""
-    config = config_of(evaluations, 0.5)
+    config = config_of(episodes, 0.5)
     rng, seen = np.random.default_rng(0), []
     with local_workers(1) as workers:
-        done, every = 0, max(evaluations // 10, 36)
-        while done < evaluations:
-            n = min(every, evaluations - done)
+        done, every = 0, max(episodes // 10, 36)
+        while done < episodes:
+            n = min(every, episodes - done)
             list(evaluate(workers, config, rng.uniform(-1.0, 1.0, (n, config.n_parameters))))
             done += n
             megabytes = [
                 resident(process.pid)
                 for process in multiprocessing.active_children() if process.pid
             ]
-            seen.append({'evaluations': done, 'megabytes': megabytes})
+            seen.append({'episodes': done, 'megabytes': megabytes})
     return seen
 
 
@@ -113,7 +113,7 @@ def table(results: dict) -> str:
     alone, runs = results['episodes_per_second'], results['runs']
     lines = [
         f'Episodes of {results["duration"]:g} s, biped U-nD snn-h',
-        'workers  of episodes alone  of one worker  parent share of CPU  evaluations/s  '
+        'workers  of episodes alone  of one worker  parent share of CPU  episodes/s  '
         'start [s]  engine',
     ]
     for run in runs:
@@ -126,8 +126,8 @@ def table(results: dict) -> str:
     first, last = results['memory'][1], results['memory'][-1]
     grown = last['megabytes'][0] - first['megabytes'][0]
     lines.append(
-        f'memory of a worker: {grown:+.1f} MB from evaluation {first["evaluations"]} to '
-        f'{last["evaluations"]}, {last["megabytes"][0]:.0f} MB then'
+        f'memory of a worker: {grown:+.1f} MB from evaluation {first["episodes"]} to '
+        f'{last["episodes"]}, {last["megabytes"][0]:.0f} MB then'
     )
     return '\n'.join(lines)
 

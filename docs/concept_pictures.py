@@ -1,6 +1,5 @@
 """Draws the pictures of docs/concepts.md from the model: `python -m docs.concept_pictures`."""
 
-import csv
 import io
 from pathlib import Path
 from typing import Any
@@ -22,6 +21,7 @@ from snca_ros.cell.models.lif import SNN, SNN_H
 from snca_ros.cell.models.model import step
 from snca_ros.controller_file import load_controller
 from snca_ros.evolution.episode import run_episode
+from snca_ros.evolution.history import read_history
 from snca_ros.figures import own_style
 from snca_ros.files import write_text
 
@@ -135,12 +135,11 @@ def draw_episode() -> Figure:
     way.plot([5.0, 30.0], [x[300], x[-1]], '--', color='0.3', linewidth=0.9)
     way.axvspan(0.0, 5.0, color='0.92')
     way.set(xlabel='time [s]', ylabel='way of the centre [m]', title='an episode, its v_x dashed')
-    history = find_controller(DEFAULT_CONTROLLER).with_suffix('.csv')
-    rows = list(csv.DictReader(history.read_text().splitlines()))
-    spent = [int(row['evaluations']) for row in rows]
-    curve.plot(spent, [float(row['best_so_far']) for row in rows], label='best so far')
-    curve.plot(spent, [float(row['median']) for row in rows], linewidth=0.7, label='median')
-    curve.set(xlabel='evaluations', ylabel='v_x [m/s]', title='a run')
+    rows = read_history(find_controller(DEFAULT_CONTROLLER).with_suffix('.csv')).rows
+    _, spent, _, median, _, best_so_far = rows.T
+    curve.plot(spent, best_so_far, label='best so far')
+    curve.plot(spent, median, linewidth=0.7, label='median')
+    curve.set(xlabel='episodes', ylabel='v_x [m/s]', title='a run')
     curve.legend(fontsize=7)
     return figure
 

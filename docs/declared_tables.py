@@ -1,5 +1,6 @@
 """Parts of the documents that are made from declarations: nodes, topics, faults, options."""
 
+import argparse
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import Field
 from functools import partial
@@ -70,6 +71,7 @@ def options_table(command: str) -> str:
          action.declared.metadata['text'])
         for action in parser._actions if isinstance(action, DeclaredOption)
         and action.dest != 'workers'  # its default depends on the machine
+        and action.help != argparse.SUPPRESS
     ]
     return _table(('option', 'default', 'unit', 'values', 'meaning'), rows) + '\n'
 

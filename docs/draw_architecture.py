@@ -58,10 +58,18 @@ ROOMS = {
     'controller': Room(
         (
             'snca_ros.controller', 'snca_ros.controller_file', 'snca_ros.versions',
-            'snca_ros.faults', 'snca_ros.bundled',
+            'snca_ros.bundled',
         ),
-        ('cell', 'simulation', 'tasks'),
-        'All cells of a robot, the files that hold them, and what can go wrong with them.',
+        ('cell', 'simulation', 'tasks', 'episodes'),
+        'All cells of a robot, and the files that hold them.',
+    ),
+    'episodes': Room(
+        (
+            'snca_ros.faults', 'snca_ros.evolution.conditions', 'snca_ros.evolution.fault_ranges',
+            'snca_ros.evolution.episode_set',
+        ),
+        ('files', 'model'),
+        'What a candidate goes through: bodies, terrains, starts, and what can go wrong.',
     ),
     'tasks': Room(('snca_ros.evolution.tasks.*',), ('model',)),
     'cell': Room(('snca_ros.cell.*',), ('files', 'model')),

@@ -14,7 +14,7 @@ from snca_ros.standard_streams import prepare_streams
 
 EXAMPLES = """
   snca walk                      # a 30 s walk of the bundled biped, with bag and report
-  snca evolve --engine batched --shape tripod --evaluations 3000 --run runs/tripod
+  snca evolve --engine batched --shape tripod --episodes 3000 --run runs/tripod
   snca walk runs/tripod/best.npz
 """
 

@@ -64,7 +64,8 @@ class CommandParser(argparse.ArgumentParser):
         """Return the values of the options; end the process if an argument is unknown."""
         parsed, unknown = self.parse_known_args(self._present_spelling(args), namespace)
         if unknown:
-            known = [name for action in self._actions for name in action.option_strings]
+            known = [name for action in self._actions if action.help != argparse.SUPPRESS
+                     for name in action.option_strings]
             hint = near_miss(unknown[0].partition('=')[0], known)
             self.error(f'unknown argument {unknown[0]!r}{hint}')
         return parsed

@@ -29,6 +29,7 @@ from sim_node.model.solver import Solver
 from sim_node.model.terrain import DEFAULT_TERRAIN
 from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller
+from snca_ros.evolution.episode_set import EpisodeSet
 from snca_ros.evolution.tasks import DEFAULT_TASK, TASKS
 from snca_ros.faults import NO_FAULTS, Faults
 from snca_ros.files import write_atomically
@@ -40,9 +41,9 @@ if TYPE_CHECKING:
 _FIELDS = (
     'format_version', 'architecture', 'morphology', 'terrain', 'material', 'solver',
     'fitness', 'seed', 'evaluations', 'versions', 'chosen_by', 'sensors', 'task', 'scores',
-    'wall_time', 'home',
+    'wall_time', 'home', 'episode_set',
 )
-_FIELDS_1 = (*_FIELDS[:-5], 'v_x')  # version 1, whose task is walking
+_FIELDS_1 = (*_FIELDS[:-6], 'v_x')  # version 1, whose task is walking
 
 
 @dataclass(frozen=True, repr=False)
@@ -53,20 +54,24 @@ class TrainedController:
         architecture: architecture of the cells.
         morphology: morphology of the robot.
         parameters: (n_parameters,) evolved parameters of the cells, see `layers_of`.
-        terrain: name of the terrain of the evolution.
+        terrain: name of the terrain of the evolution; if there were several, the first one.
         material, solver: options of the simulation of the evolution.
-        fitness: score of the episode by which evolution chose the controller, in the unit of the
-            task.
+        fitness: score of the episode, or of the set of episodes, by which evolution chose the
+            controller, in the unit of the task.
         chosen_by: name of the engine of that episode.
         task: name of the task of the evolution, one of `snca_ros.evolution.tasks.TASKS`.
-        scores: score of one episode in each engine, by the name of the engine.
+        scores: score of that episode or set in each engine, by the name of the engine.
         wall_time: time [s] at which the robot met the wall at the end of the ground in the episode
             of `fitness`; None if it did not. Then the file does not have this field.
-        seed, evaluations: seed and number of evaluations of the run.
+        seed: of the run.
+        evaluations: number of episodes of the run.
         versions: versions of the packages that were used, by name, and 'code', see
             `snca_ros.versions.code_version`.
         home: morphology of the evolution if the robot has another one now, see `in_body`; else
             None, and the file does not have this field. `fitness` and `scores` are of that body.
+        episode_set: the episodes of a candidate of the run; None if it was one plain episode, and
+            then the file does not have this field. The body is the first one of the set.
+        n_episodes: number of episodes of `fitness`.
 
     Raises:
         InvalidInput: the task is not registered in this process.
@@ -87,6 +92,8 @@ class TrainedController:
     scores: dict[str, float] = field(default_factory=dict)
     wall_time: float | None = None
     home: Morphology | None = None
+    episode_set: EpisodeSet | None = None
+    n_episodes: int = 1
 
     def __post_init__(self) -> None:
         check_name('task', self.task, TASKS)
@@ -103,11 +110,15 @@ class TrainedController:
     def achieved(self) -> str:
         """Return the fitness with quantity and unit, such as 'v_x 8.213 m/s'.
 
-        It says when the robot met the wall at the end of the ground.
+        It names the set of episodes of the fitness, as in 'mean v_x 6.100 m/s over 24 episodes',
+        and says when the robot met the wall at the end of the ground.
         """
         task = TASKS.find(self.task)
+        quantity, over = task.quantity, ''
+        if self.episode_set is not None:
+            quantity, over = self.episode_set.described(task.quantity, self.n_episodes)
         wall = '' if self.wall_time is None else f' (met the wall at {self.wall_time:.2f} s)'
-        return f'{task.quantity} {task.in_unit(self.fitness)}{wall}'
+        return f'{quantity} {task.in_unit(self.fitness)}{over}{wall}'
 
     @property
     def evolved(self) -> str:
@@ -225,6 +236,8 @@ def save_controller(path: Path | str, trained: TrainedController) -> None:
         header['wall_time'] = float(trained.wall_time)
     if trained.home is not None:
         header['home'] = header_of_morphology(trained.home)
+    if trained.episode_set is not None:
+        header['episode_set'] = {**trained.episode_set.as_dict(), 'scored': trained.n_episodes}
     text = np.array(json.dumps(header))
     write_atomically(
         Path(path), lambda file: np.savez_compressed(file, header=text, theta=trained.parameters)
@@ -264,6 +277,18 @@ def _scores(values: Any, field: str) -> dict[str, float]:
     return {name: field_of(values, name, float, f'{field}.') for name in values}
 
 
+def _episode_set(header: dict) -> tuple[EpisodeSet | None, int]:
+    """Return the set of episodes in a header, and the number of episodes of the fitness."""
+    if 'episode_set' not in header:
+        return None, 1
+    values = dict(field_of(header, 'episode_set', dict))
+    n = field_of(values, 'scored', int, 'episode_set.')
+    if n < 1:
+        raise InvalidInput('episode_set.scored', n, 'an integer from 1')
+    del values['scored']
+    return EpisodeSet.from_dict(values), n
+
+
 def _checked(header: dict, theta: np.ndarray) -> TrainedController:
     check_version(header)
     is_old = header['format_version'] == 1
@@ -277,6 +302,7 @@ def _checked(header: dict, theta: np.ndarray) -> TrainedController:
     if not np.isfinite(theta).all():
         bad = int(np.flatnonzero(~np.isfinite(theta))[0])
         raise InvalidInput(f'theta[{bad}]', float(theta[bad]), 'a finite number')
+    episode_set, n_episodes = _episode_set(header)
     return TrainedController(
         architecture=architecture,
         morphology=body.morphology,
@@ -294,4 +320,6 @@ def _checked(header: dict, theta: np.ndarray) -> TrainedController:
         else _scores(header.get('scores'), 'scores'),
         wall_time=field_of(header, 'wall_time', float) if 'wall_time' in header else None,
         home=morphology_of(header, 'home') if 'home' in header else None,
+        episode_set=episode_set,
+        n_episodes=n_episodes,
     )

@@ -95,18 +95,18 @@ def _columns() -> int:
 
 
 class TimeLeft:
-    """Estimates the time left of a number of evaluations from their rate so far.
+    """Estimates the time left of a number of episodes from their rate so far.
 
     Args:
-        total: number of evaluations.
-        done: number of evaluations that are done already.
+        total: number of episodes.
+        done: number of episodes that are done already.
     """
 
     def __init__(self, total: int, done: int) -> None:
         self.total, self._before, self._start = total, done, time.monotonic()
 
     def describe(self, done: int) -> str:
-        """Return evaluations/s and the time left as text."""
+        """Return episodes/s and the time left as text."""
         rate = (done - self._before) / (time.monotonic() - self._start)
         if not rate > 0.0:
             return '0.0/s'

@@ -1,6 +1,7 @@
 """Evolution from Python, like the command `snca evolve`."""
 
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,13 +11,15 @@ from sim_node.errors import InvalidInput
 from snca_ros.api.processes import worker_processes
 from snca_ros.api.robot import Robot
 from snca_ros.evolution import evolve as offline
-from snca_ros.evolution.checkpoint import Progress, RunFolder
+from snca_ros.evolution.checkpoint import RunFolder
 from snca_ros.evolution.checkpoint_arrays import HISTORY
 from snca_ros.evolution.config import RunConfig
-from snca_ros.evolution.tasks import TASKS
+from snca_ros.evolution.fault_ranges import text_of
+from snca_ros.evolution.run_progress import Progress
+from snca_ros.faults import Faults
 from snca_ros.files import RUNS
 
-_COUNTS = 'generation', 'evaluations'
+_COUNTS = 'generation', 'episodes'
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -27,7 +30,7 @@ class EvolutionRun:
         path: folder of the run.
         config: configuration of the run.
         best: the best robot so far.
-        history: (n_generations,) structured array with the fields `generation`, `evaluations`
+        history: (n_generations,) structured array with the fields `generation`, `episodes`
             (spent so far), `best`, `median`, `worst` (of the generation) and `best_so_far`. Scores
             are in the unit of the run's task, such as v_x [m/s].
     """
@@ -38,16 +41,15 @@ class EvolutionRun:
     history: np.ndarray
 
     def __repr__(self) -> str:
-        spent, best = self.history[-1][['evaluations', 'best_so_far']]
-        task = TASKS.find(self.config.task)
+        spent = self.history[-1]['episodes']
         return (
-            f"EvolutionRun('{self.path}', {spent} of {self.config.evaluations} evaluations, "
-            f'best {task.quantity} {task.in_unit(best)})'
+            f"EvolutionRun('{self.path}', {spent} of {self.config.episodes} episodes, "
+            f'best {self.best.trained.achieved})'
         )
 
 
 def evolve(
-    shape: str | None = None,
+    shape: str | Sequence[str] | None = None,
     architecture: str | None = None,
     neuron_model: str | None = None,
     *,
@@ -55,7 +57,12 @@ def evolve(
     resume: bool = False,
     workers: int = 1,
     report: Callable[[EvolutionRun], object] | None = None,
-    terrain: str | None = None,
+    terrain: str | Sequence[str] | None = None,
+    faults: str | Faults | Sequence[str | Faults] | None = None,
+    starts: int | None = None,
+    draw: int | None = None,
+    score: str | None = None,
+    episodes: int | None = None,
     evaluations: int | None = None,
     seed: int | None = None,
     engine: str | None = None,
@@ -76,7 +83,8 @@ def evolve(
     The result does not depend on the workers, nor on whether the run was stopped and resumed.
 
     Args:
-        shape: name such as 'tripod', or a grid such as '1111-1001'.
+        shape: name such as 'tripod', or a grid such as '1111-1001'; several, in a list or separated
+            by commas, for one controller of all.
         architecture, neuron_model: names of architecture and neuron model, such as 'U-nD' and
             'snn-h'.
         run: folder of the run; None for runs/<settings>.
@@ -85,8 +93,13 @@ def evolve(
         workers: number of processes that evaluate; with 1 it is this process. A script with more
             must call `evolve` below `if __name__ == '__main__':`.
         report: called with the run after every generation.
-        terrain, engine, physics: names of terrain, engine and physics.
-        evaluations: total number of episodes.
+        terrain: name of the terrain, or several.
+        faults: faults in the episodes, see `snca_ros.evolution.episode_set.EpisodeSet`, or several.
+        starts, draw, score: which episodes a candidate goes through, and what its scores are
+            combined to, see there.
+        engine, physics: names of engine and physics.
+        episodes: total number of episodes.
+        evaluations: former name of `episodes`.
         seed: seed of all random numbers.
         strategy, population, sigma: name of the strategy, and its parameters.
         task: name of the task, which defines the score of an episode, one of
@@ -103,9 +116,18 @@ def evolve(
         BrokenExecutor: a worker process ended unexpectedly; the run is intact up to the last
             generation.
     """
+    if evaluations is not None:
+        warnings.warn('evaluations is now episodes', DeprecationWarning, stacklevel=2)
+        if episodes is not None:
+            raise InvalidInput('evaluations', evaluations, 'episodes alone, its present name')
+        episodes = evaluations
+    if faults is not None:
+        several = (faults,) if isinstance(faults, (str, Faults)) else tuple(faults)
+        faults = ';'.join(map(text_of, several))
     given = {
         'shape': shape, 'architecture': architecture, 'neuron_model': neuron_model,
-        'terrain': terrain, 'evaluations': evaluations, 'seed': seed, 'engine': engine,
+        'terrain': terrain, 'faults': faults, 'starts': starts, 'draw': draw, 'score': score,
+        'episodes': episodes, 'seed': seed, 'engine': engine,
         'strategy': strategy, 'task': task, 'population': population, 'sigma': sigma,
         'duration': duration, 'transient': transient, 'physics': physics, 'n_c': n_c,
         'hidden': hidden, 'as_printed': as_printed, 'sensors': sensors,

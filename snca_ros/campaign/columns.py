@@ -5,12 +5,16 @@ from sim_node.model.sensors import DEFAULT_SENSORS
 from sim_node.model.terrain import UNSEEN_KINDS
 from snca_ros.cell.architecture import Architecture
 from snca_ros.evolution.config import RunConfig
+from snca_ros.evolution.episode_set import EpisodeSet
 from snca_ros.evolution.tasks import DEFAULT_TASK
+
+OF_SET = ('faults', 'evolution_starts', 'draw', 'score')
+"""Columns of a run's set of episodes besides shapes and terrains. `starts` is of the assessment."""
 
 SETTINGS = (
     'run', 'shape', 'terrain', 'architecture', 'neuron_model', 'n_c', 'hidden', 'as_printed',
     'strategy', 'engine', 'physics', 'substeps', 'iterations', 'self_collision', 'population',
-    'sigma', 'duration', 'transient', 'evaluations', 'seed',
+    'sigma', 'duration', 'transient', 'episodes', 'seed', *OF_SET,
 )
 """Columns of a run's settings. They determine its name; settings are never parsed from a name."""
 
@@ -30,15 +34,21 @@ COLUMNS = (
 )
 """The header of results.csv; docs/campaigns.md explains each column. Speeds are in [m/s]."""
 
+FORMER_COLUMNS = tuple(
+    {'episodes': 'evaluations'}.get(name, name) for name in COLUMNS if name not in OF_SET
+)
+"""The header of tables of earlier versions, in whose runs a candidate had one plain episode."""
+
 TEXTS = (
     'run', 'shape', 'terrain', 'architecture', 'neuron_model', 'hidden', 'as_printed', 'strategy',
     'engine', 'physics', 'self_collision', 'terrain_set', *VERSIONS, 'chosen_by', 'starts',
-    'robust_starts',
+    'robust_starts', 'faults', 'score',
 )
 """Columns that hold no number."""
 
 INTEGERS = (
-    'n_c', 'substeps', 'iterations', 'population', 'evaluations', 'seed', 'robust_rank',
+    'n_c', 'substeps', 'iterations', 'population', 'episodes', 'seed', 'robust_rank',
+    'evolution_starts', 'draw',
 )
 """Columns that hold whole numbers."""
 
@@ -81,10 +91,21 @@ def settings_of(config: RunConfig) -> dict[str, str]:
         'sigma': f'{config.sigma:.15g}',
         'duration': f'{config.duration:.15g}',
         'transient': f'{config.transient:.15g}',
-        'evaluations': config.evaluations,
+        'episodes': config.episodes,
         'seed': config.seed,
+        'faults': config.faults or 'none',
+        'evolution_starts': config.starts,
+        'draw': config.draw,
+        'score': config.score,
     }
     return {name: str(values[name]) for name in SETTINGS}
+
+
+def with_set(row: dict[str, str]) -> dict[str, str]:
+    """Return a row under `FORMER_COLUMNS` with the present columns."""
+    values = ('none', str(EpisodeSet.starts), str(EpisodeSet.draw), EpisodeSet.score)
+    found = {**row, 'episodes': row['evaluations'], **dict(zip(OF_SET, values, strict=True))}
+    return {column: found[column] for column in COLUMNS}
 
 
 def unusual_cell(row: dict[str, str]) -> list[str]:

@@ -13,11 +13,12 @@ from sim_node.simulation import Diverged
 from snca_ros.assessment.trials import Trial, score, summary
 from snca_ros.campaign.columns import COLUMNS, check_comparable, settings_of
 from snca_ros.controller_file import TrainedController, load_controller, save_controller
-from snca_ros.evolution.checkpoint import Progress, RunFolder
+from snca_ros.evolution.checkpoint import RunFolder
 from snca_ros.evolution.config import RunConfig
-from snca_ros.evolution.evaluator import evaluate
+from snca_ros.evolution.evaluator import evaluate, evaluate_set
 from snca_ros.evolution.evolve import evolve
 from snca_ros.evolution.history import CURVE_COLUMNS
+from snca_ros.evolution.run_progress import Progress
 from snca_ros.evolution.workers import IN_PROCESS
 from snca_ros.recording.gait import dominant_frequency, steady_part, vibration_share
 from snca_ros.versions import package_versions
@@ -75,10 +76,12 @@ def perform(config: RunConfig, path: Path) -> Outcome:
             raise InvalidInput('run', 'a run finished by an earlier version', expected, str(path))
         best, chosen = load_controller(path / 'best.npz'), choose_robust(config, progress)
         parameters, fitness = (of_all[chosen.place] for of_all in progress.population)
+        conditions = progress.conditions(config)
+        again, = evaluate_set(IN_PROCESS, config, parameters[np.newaxis], conditions)
         robust = replace(
             best, parameters=parameters, fitness=float(fitness),
-            scores={config.engine: float(fitness)}, versions=versions,
-            wall_time=next(evaluate(IN_PROCESS, config, parameters[np.newaxis])).walls.times[1],
+            scores={config.engine: float(fitness)}, versions=versions, wall_time=again.wall_time,
+            n_episodes=len(conditions),
         )
         save_controller(path / 'robust.npz', robust)
         of_best, at_wall = _of_the_best(config, best)
@@ -107,7 +110,8 @@ def choose_robust(config: RunConfig, progress: Progress) -> Chosen:
     """Return the robust controller: the individual with the largest mean v_x over `STARTS`.
 
     The individuals are those of the last whole population, and the episodes run in the run's
-    engine. Of individuals with equal means, the one with the larger fitness is chosen.
+    engine, of runs on several bodies or terrains at home, see `RunConfig.conditions`. Of
+    individuals with equal means, the one with the larger fitness is chosen.
     """
     individuals, _ = progress.population
     v_x = [
@@ -120,7 +124,8 @@ def choose_robust(config: RunConfig, progress: Progress) -> Chosen:
 
 
 def _trial(config: RunConfig, trained: TrainedController) -> Trial:
-    return Trial(trained, config.terrain, duration=config.duration, transient=config.transient)
+    home = config.conditions().terrain
+    return Trial(trained, home, duration=config.duration, transient=config.transient)
 
 
 def _of_the_best(config: RunConfig, best: TrainedController) -> tuple[dict[str, object], int]:
@@ -192,11 +197,14 @@ def _actuation(trial: Trial) -> np.ndarray:
 
 
 def _curve(progress: Progress) -> str:
-    """Return the best-so-far curve as CSV: generations in which it rises, and the last one."""
+    """Return the best-so-far curve as CSV: generations in which it rises, and the last one.
+
+    If sets of episodes are drawn, each generation has another set, and it can fall.
+    """
     lines = [','.join(CURVE_COLUMNS)]
     last = -np.inf
-    for _, evaluations, *_, best_so_far in progress.history:
-        if best_so_far > last or evaluations == progress.evaluations:
-            lines.append(f'{int(evaluations)},{best_so_far!r}')
+    for i, (_, episodes, *_, best_so_far) in enumerate(progress.history, 1):
+        if best_so_far != last or i == len(progress.history):
+            lines.append(f'{int(episodes)},{best_so_far!r}')
         last = best_so_far
     return '\n'.join([*lines, ''])

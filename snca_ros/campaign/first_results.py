@@ -77,7 +77,7 @@ def _config(row: dict[str, str]) -> RunConfig:
     for word in _WORD.findall(name[len(case) : -len(seed)]):
         key = next((key for key in _NUMBERS if word.startswith(key)), None)
         if key:
-            options[key] = _number(key, word, name)
+            options[{'evaluations': 'episodes'}.get(key, key)] = _number(key, word, name)
         elif word in STRATEGIES:
             options['strategy'] = word
         elif word not in FIRST_ENGINES:
@@ -87,8 +87,8 @@ def _config(row: dict[str, str]) -> RunConfig:
         row['shape'], cell, seed=int(row['seed']), engine=row['engine'],
         solver=Solver(physics=UNNAMED_PHYSICS), **options,
     )
-    if config.name != name or config.evaluations != int(row['n_evaluations']):
-        named = f'{config.name} with {config.evaluations} evaluations'
+    if config.name != name or config.episodes != int(row['n_evaluations']):
+        named = f'{config.name} with {config.episodes} evaluations'
         raise InvalidInput('run', name, f'the name for the rest of its row, {named}')
     return config
 

@@ -7,10 +7,17 @@ from pathlib import Path
 import numpy as np
 
 from sim_node.errors import InvalidInput
-from snca_ros.campaign.columns import COLUMNS, INTEGERS, MAY_BE_EMPTY, TEXTS
+from snca_ros.campaign.columns import (
+    COLUMNS,
+    FORMER_COLUMNS,
+    INTEGERS,
+    MAY_BE_EMPTY,
+    TEXTS,
+    with_set,
+)
 from snca_ros.campaign.endpoints import Outcome
 from snca_ros.campaign.first_results import FIRST_COLUMNS, FIRST_INTEGERS, FIRST_TEXTS, converted
-from snca_ros.evolution.history import CURVE_COLUMNS
+from snca_ros.evolution.history import CURVE_COLUMNS, FORMER_CURVE_COLUMNS
 from snca_ros.files import hold_folder, read_csv, remove_stale, write_atomically, write_text
 
 _FILES = 'results.csv', 'histories/*.csv', 'controllers/*.npz'
@@ -79,7 +86,7 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def read_rows(path: Path) -> list[dict[str, str]]:
-    """Return the rows of a results.csv, column to text; rows of the first tables are converted.
+    """Return the rows of a results.csv, column to text; those of earlier tables are converted.
 
     Raises:
         InvalidInput: the file cannot be read, or a row or number in it is damaged.
@@ -91,7 +98,9 @@ def read_rows(path: Path) -> list[dict[str, str]]:
     for line, cells in enumerate(rows, 2):
         _check_row(cells, header, seen, f'{path}:{line}')
     found = [dict(zip(header, cells, strict=True)) for cells in rows]
-    if tuple(header) != FIRST_COLUMNS:
+    if tuple(header) == FORMER_COLUMNS:
+        return [with_set(row) for row in found]
+    if tuple(header) == COLUMNS:
         return found
     try:
         return [converted(row) for row in found]
@@ -100,7 +109,9 @@ def read_rows(path: Path) -> list[dict[str, str]]:
 
 
 _KINDS = {
-    COLUMNS: (TEXTS, INTEGERS, MAY_BE_EMPTY), FIRST_COLUMNS: (FIRST_TEXTS, FIRST_INTEGERS, ()),
+    COLUMNS: (TEXTS, INTEGERS, MAY_BE_EMPTY),
+    FORMER_COLUMNS: (TEXTS, (*INTEGERS, 'evaluations'), MAY_BE_EMPTY),
+    FIRST_COLUMNS: (FIRST_TEXTS, FIRST_INTEGERS, ()),
 }
 """For each header, its columns with texts, its columns with integers, and those that may be empty.
 """
@@ -125,7 +136,7 @@ def _check_row(cells: list[str], header: list[str], seen: set[str], where: str) 
 
 
 def read_curve(path: Path) -> np.ndarray:
-    """Return a history, (n_points, 2): evaluations and best v_x [m/s] so far.
+    """Return a history, (n_points, 2): episodes and best v_x [m/s] so far.
 
     Raises:
         InvalidInput: the file cannot be read or is damaged.
@@ -135,8 +146,8 @@ def read_curve(path: Path) -> np.ndarray:
         points = np.array(rows, dtype=float)
     except ValueError as error:
         raise InvalidInput('file', str(error), 'the history of a run', str(path)) from None
-    rising = (np.diff(points, axis=0) >= 0.0).all() and not np.isnan(points).any()
-    if tuple(header) != CURVE_COLUMNS or points.shape[1:] != (2,) or not rising:
-        expected = f'rows of increasing {",".join(CURVE_COLUMNS)}'
+    known = tuple(header) in (CURVE_COLUMNS, FORMER_CURVE_COLUMNS) and points.shape[1:] == (2,)
+    if not known or np.isnan(points).any() or not (np.diff(points[:, 0]) >= 0.0).all():
+        expected = f'rows of {",".join(CURVE_COLUMNS)} with increasing episodes'
         raise InvalidInput('file', f'{len(rows)} rows under {header}', expected, str(path))
     return points

@@ -49,7 +49,7 @@ class Campaign:
         self._suspects: set[str] = set()  # names of runs, one of which ended its worker process
         self._at_once = 1  # number of suspects that run at a time
         self._listener = listener or Listener()
-        self._left = TimeLeft(sum(c.evaluations for c in configs), self._evaluations())
+        self._left = TimeLeft(sum(c.episodes for c in configs), self._episodes())
 
     def work(self, workers: Workers) -> None:
         """Perform the waiting runs, as many at a time as there are workers.
@@ -107,10 +107,10 @@ class Campaign:
         self._suspects.discard(config.name)
         self._listener.failed(config.name, reason)
 
-    def _evaluations(self) -> int:
-        """Return the number of evaluations spent so far, from the histories in the run folders."""
+    def _episodes(self) -> int:
+        """Return the number of episodes spent so far, from the histories in the run folders."""
         return sum(
-            c.evaluations if c.name in self.results.rows else _spent(self.runs / c.name)
+            c.episodes if c.name in self.results.rows else _spent(self.runs / c.name)
             for c in self.configs
         )
 
@@ -123,7 +123,7 @@ class Campaign:
         )
         if not (self.waiting or self.running):
             return text
-        return f'{text}; evaluations {self._left.describe(self._evaluations())}'
+        return f'{text}; episodes {self._left.describe(self._episodes())}'
 
 
 def _spent(folder: Path) -> int:

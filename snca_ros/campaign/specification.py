@@ -8,19 +8,22 @@ from typing import Any
 from sim_node.errors import InvalidInput, check_keys
 from snca_ros.campaign.columns import check_comparable
 from snca_ros.evolution.config import RunConfig
+from snca_ros.evolution.config_keys import present_keys
 from snca_ros.yaml_file import read_yaml
 
 _NEEDED = ('shape', 'architecture', 'neuron_model')
 _KEYS = (
-    *_NEEDED, 'as_printed', 'terrain', 'evaluations', 'seed', 'population', 'sigma',
-    'duration', 'transient', 'engine', 'strategy', 'physics', 'task',
+    *_NEEDED, 'as_printed', 'terrain', 'episodes', 'seed', 'population', 'sigma',
+    'duration', 'transient', 'engine', 'strategy', 'physics', 'task', 'faults', 'starts', 'draw',
+    'score',
 )
 
 
 def read_campaign(path: Path) -> list[RunConfig]:
     """Return the configurations of a campaign file's runs, each once, in the order of their seeds.
 
-    Each key has a value or a list of values. Each of the `cases` is the product of its own lists
+    Each key has a value or a list of values; a list means several runs, and a text such as
+    'biped,comb' one run on several bodies. Each of the `cases` is the product of its own lists
     and of those outside `cases`; without `cases`, the file is one product. The defaults are those
     of `evolve`.
 
@@ -38,12 +41,13 @@ def read_campaign(path: Path) -> list[RunConfig]:
 def _runs(values: Any) -> Iterator[RunConfig]:
     if not isinstance(values, dict):
         raise InvalidInput('campaign', values, 'keys and values')
+    values = present_keys(values)
     check_keys('key', values, (*_KEYS, 'cases'))
     cases = values.get('cases', [{}])
     if not isinstance(cases, list) or not all(isinstance(case, dict) for case in cases):
         raise InvalidInput('cases', cases, 'a list of keys and values')
     shared = {key: value for key, value in values.items() if key != 'cases'}
-    for i, case in enumerate(cases):
+    for i, case in enumerate(map(present_keys, cases)):
         check_keys(f'cases[{i}]', case, _KEYS)
         for combination in _product({**shared, **case}):
             yield _run(**combination)

@@ -191,22 +191,22 @@ def _draw_curves(
     """Draw the best v_x so far: median and quartiles of each type, up to its shortest run."""
     figure, axes = new_panel(shape)
     for controller, runs in of_shape.items():
-        evaluations, found = median_curve([read_curve(run.history) for run in runs])
+        episodes, found = median_curve([read_curve(run.history) for run in runs])
         low, median, high = np.where(np.isfinite(found), found, np.nan)
         color = colors[controller]
-        axes.fill_between(evaluations, low, high, step='post', color=color, alpha=0.2, linewidth=0)
-        axes.step(evaluations, median, where='post', color=color, label=_label(controller, runs))
-    axes.set(xlabel='evaluations', ylabel='best v_x so far [m/s]')
+        axes.fill_between(episodes, low, high, step='post', color=color, alpha=0.2, linewidth=0)
+        axes.step(episodes, median, where='post', color=color, label=_label(controller, runs))
+    axes.set(xlabel='episodes', ylabel='best v_x so far [m/s]')
     axes.grid(linewidth=0.4, alpha=0.5)
     axes.legend(fontsize=7.5)
     return figure
 
 
 def median_curve(curves: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Return evaluations, (n,), and the quartiles of the best so far at each of them, (3, n).
+    """Return episodes, (n,), and the quartiles of the best so far at each of them, (3, n).
 
     Args:
-        curves: for each run, (n_points, 2) evaluations and best so far, where it rises.
+        curves: for each run, (n_points, 2) episodes and best so far, where it rises.
     """
     end = min(curve[-1, 0] for curve in curves)
     start = max(curve[0, 0] for curve in curves)

@@ -24,7 +24,7 @@ FIGURES = {
         'Medians of v_x [m/s], coloured on one scale for all tables of this page.',
     ),
     'curves': (
-        'Best so far over evaluations',
+        'Best so far over episodes',
         'Median and quartiles of the best v_x so far, in the engine in which each run evolved.',
     ),
     'vibration': (

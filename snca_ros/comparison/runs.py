@@ -11,7 +11,7 @@ from sim_node.engine import ENGINES
 from sim_node.errors import InvalidInput, check_name
 from sim_node.model.physics import PHYSICS
 from sim_node.model.terrain import TERRAIN_SETS
-from snca_ros.campaign.columns import unusual_cell
+from snca_ros.campaign.columns import OF_SET, unusual_cell
 from snca_ros.campaign.results import read_rows
 from snca_ros.campaign.specification import read_campaign
 from snca_ros.cell.architecture import ARCHITECTURES
@@ -83,9 +83,9 @@ class Run:
         return ControllerType(row['architecture'], row['neuron_model'], row['as_printed'] == 'true')
 
     @property
-    def evaluations(self) -> int:
-        """Return the number of evaluations of the run."""
-        return int(self.row['evaluations'])
+    def episodes(self) -> int:
+        """Return the number of episodes of the run."""
+        return int(self.row['episodes'])
 
     @property
     def settings(self) -> list[str]:
@@ -97,7 +97,7 @@ class Run:
         return [
             row['terrain'], row['engine'], row['strategy'], f'{row["physics"]}-physics',
             f'unseen-{row["terrain_set"]}', *(f'{name}{row[name]}' for name in _NUMBERS),
-            *collides, *unusual_cell(row),
+            *collides, *(f'{name}-{row[name]}' for name in OF_SET), *unusual_cell(row),
         ]
 
     def value(self, column: str) -> float:
@@ -233,7 +233,7 @@ def warnings(cases: Cases) -> list[str]:
                 lines.append(f'{shape}, {controller}: {diverged} of {len(runs)} runs diverged in '
                              'an episode; they count as slowest, and figures omit them')
         everything = [run for runs in of_shape.values() for run in runs]
-        if len({run.evaluations for run in everything}) > 1:
+        if len({run.episodes for run in everything}) > 1:
             lines.append(f'{shape}: unequal budgets: {evidence(of_shape)}')
         settings = sorted({controller.settings or 'defaults' for controller in of_shape})
         if len(settings) > 1:
@@ -247,17 +247,17 @@ def describe_seeds(runs: Sequence[Run]) -> str:
     return f'{n} seed{"s" * (n != 1)}'
 
 
-def describe_evaluations(runs: Sequence[Run]) -> str:
-    """Return the evaluations per run as text: a number, or the smallest and the largest."""
-    spent = [run.evaluations for run in runs]
+def describe_episodes(runs: Sequence[Run]) -> str:
+    """Return the episodes per run as text: a number, or the smallest and the largest."""
+    spent = [run.episodes for run in runs]
     least, most = min(spent), max(spent)
     return f'{least:,}' if least == most else f'{least:,} to {most:,}'
 
 
 def evidence(of_shape: dict[ControllerType, list[Run]]) -> str:
-    """Return the numbers of seeds and evaluations of each type of controller, as text."""
+    """Return the numbers of seeds and episodes of each type of controller, as text."""
     types: dict[str, list[str]] = {}
     for controller, runs in of_shape.items():
-        spent = f'{describe_seeds(runs)} × {describe_evaluations(runs)} evaluations'
+        spent = f'{describe_seeds(runs)} × {describe_episodes(runs)} episodes'
         types.setdefault(spent, []).append(str(controller))
     return '; '.join(f'{spent} of {", ".join(names)}' for spent, names in types.items())

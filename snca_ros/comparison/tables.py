@@ -18,7 +18,7 @@ from snca_ros.comparison.runs import (
     Cases,
     Run,
     column_of,
-    describe_evaluations,
+    describe_episodes,
     describe_seeds,
     fastest,
     known_measures,
@@ -48,15 +48,15 @@ def format_p(p: float) -> str:
 
 
 def speeds_table(cases: Cases) -> Table:
-    """Return the table of seeds, evaluations and speeds of each case."""
+    """Return the table of seeds, episodes and speeds of each case."""
     known = [c for c in ENDPOINTS if c != ROBUST or c in known_measures(cases)]
     columns = {**{c: ENDPOINTS[c] for c in known}, 'frequency': 'frequency [Hz]'}
     rows = [
-        [shape, str(controller), describe_seeds(runs).split()[0], describe_evaluations(runs),
+        [shape, str(controller), describe_seeds(runs).split()[0], describe_episodes(runs),
          *(_format_quartiles(runs, column) for column in columns)]
         for shape, of_shape in cases.items() for controller, runs in of_shape.items()
     ]
-    header = ['shape', 'controller', 'seeds', 'evaluations', *columns.values()]
+    header = ['shape', 'controller', 'seeds', 'episodes', *columns.values()]
     return Table('v_x [m/s] of the best controllers: median (quartiles)', header, rows)
 
 

@@ -9,7 +9,7 @@ import contextlib
 import csv
 import io
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,8 @@ from sim_node.model.morphology import parse_morphology
 from snca_ros.controller_file import TrainedController, load_controller, save_controller
 from snca_ros.evolution.checkpoint_arrays import HISTORY, check_arrays
 from snca_ros.evolution.config import RunConfig
+from snca_ros.evolution.episode_set import N_FURTHER
+from snca_ros.evolution.run_progress import Progress
 from snca_ros.files import (
     LOCK,
     hold_folder,
@@ -60,65 +62,6 @@ def holds_controller(path: Path, trained: TrainedController) -> bool:
     if not np.array_equal(found.parameters, trained.parameters):
         return False
     return replace(found, parameters=trained.parameters, versions=trained.versions) == trained
-
-
-@dataclass
-class Progress:
-    """The state of a run after a generation.
-
-    Attributes:
-        strategy: arrays of the strategy's state.
-        history: one row of `HISTORY` values per generation.
-        whole: individuals and fitness, best first, of the last population with a complete
-            generation, if the budget has cut the last generation short; else None.
-        score_other: score of the best individual in the other engine (see `RunConfig`); NaN if that
-            engine cannot run it, None before the end of the run.
-        wall_time: time [s] at which the best individual met the wall at the end of the ground in
-            the episode of its score; None if it did not.
-        by_old_rules: whether an earlier version finished the run: it stored no `whole` population,
-            and in batched runs it chose among the best quarter by `reassessed`.
-        reassessed: v_x [m/s] of that quarter in the pymunk engine, in the order of their fitness;
-            empty for all other runs.
-    """
-
-    strategy: dict[str, np.ndarray] = field(default_factory=dict)
-    history: list[tuple[float, ...]] = field(default_factory=list)
-    whole: tuple[np.ndarray, np.ndarray] | None = None
-    score_other: float | None = None
-    wall_time: float | None = None
-    by_old_rules: bool = False
-    reassessed: np.ndarray = field(default_factory=lambda: np.empty(0))
-
-    @property
-    def evaluations(self) -> int:
-        """Return the number of evaluations spent."""
-        return int(self.history[-1][1]) if self.history else 0
-
-    @property
-    def population(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return individuals, (n, n_parameters), and fitness, (n,), of the last whole population.
-
-        The best is first. If the budget is below one generation, the population is incomplete.
-        """
-        return self.whole or (self.strategy['individuals'], self.strategy['fitness'])
-
-    def chosen(self, config: RunConfig) -> tuple[int, str, dict[str, float]]:
-        """Return the best individual: its index, the engine that chose it, and its scores.
-
-        Args:
-            config: configuration of the run.
-
-        Returns:
-            (index among the individuals, name of the engine, score in each engine).
-        """
-        fitness, engine = self.strategy['fitness'], config.engine
-        if len(self.reassessed):
-            i = int(np.argmax(self.reassessed))
-            return i, 'pymunk', {engine: float(fitness[i]), 'pymunk': float(self.reassessed[i])}
-        scores = {engine: float(fitness[0])}
-        if self.score_other is not None and not np.isnan(self.score_other):
-            scores[config.other_engine] = self.score_other
-        return 0, engine, scores
 
 
 class RunFolder:
@@ -200,7 +143,7 @@ class RunFolder:
 
     def _check_unchanged(self, began: RunConfig) -> None:
         """Check that config.yaml is what it was when the run began."""
-        for name in vars(began):
+        for name in RunConfig.__dataclass_fields__:
             now, then = getattr(self.config, name), getattr(began, name)
             if now != then:
                 expected = f'{then!r}, with which the run began'
@@ -208,8 +151,8 @@ class RunFolder:
 
     def _progress(self, arrays: dict[str, np.ndarray], old: bool) -> Progress:
         """Return the progress from the checked arrays of a checkpoint."""
-        rows, reassessed, other, wall, *whole = (arrays.pop(name) for name in (
-            'history', 'reassessed', 'other_engine', 'wall_time', 'population',
+        rows, reassessed, other, wall, further, *whole = (arrays.pop(name) for name in (
+            'history', 'reassessed', 'other_engine', 'wall_time', 'further', 'population',
             'population_fitness',
         ))
         progress = Progress(
@@ -217,12 +160,12 @@ class RunFolder:
             whole=(whole[0], whole[1]) if len(whole[0]) else None,
             score_other=float(other[0]) if len(other) else None,
             wall_time=float(wall[0]) if len(wall) else None,
-            reassessed=reassessed,
+            further=further, reassessed=reassessed,
         )
         return replace(progress, by_old_rules=old and self._spent(progress))
 
     def _spent(self, progress: Progress) -> bool:
-        return progress.evaluations >= self.config.evaluations
+        return self.config.room(progress.episodes) == 0
 
     def save(self, progress: Progress) -> None:
         """Write checkpoint.npz, then history.csv and best.npz."""
@@ -237,6 +180,8 @@ class RunFolder:
         }
         if progress.wall_time is not None:
             arrays['wall_time'] = np.array([progress.wall_time])
+        if len(progress.further):
+            arrays['further'] = progress.further
         write_atomically(
             self.path / 'checkpoint.npz',
             lambda file: np.savez(file, **arrays),  # type: ignore[arg-type]
@@ -254,8 +199,8 @@ class RunFolder:
         text = io.StringIO()
         writer = csv.writer(text, lineterminator='\n')
         writer.writerow(HISTORY)
-        for generation, evaluations, *scores in progress.history:
-            writer.writerow([int(generation), int(evaluations), *map(repr, scores)])
+        for generation, episodes, *scores in progress.history:
+            writer.writerow([int(generation), int(episodes), *map(repr, scores)])
         write_text(self.path / 'history.csv', text.getvalue())
         trained = self.best(progress)
         if not (only_if_changed and holds_controller(self.path / 'best.npz', trained)):
@@ -263,22 +208,24 @@ class RunFolder:
 
     def best(self, progress: Progress) -> TrainedController:
         """Return the trained controller that best.npz holds at `progress`."""
-        config = self.config
+        config, episodes = self.config, self.config.episode_set
         best, chosen_by, scores = progress.chosen(config)
         return TrainedController(
             architecture=config.architecture,
-            morphology=parse_morphology(config.shape),
+            morphology=parse_morphology(episodes.shapes[0]),
             parameters=progress.strategy['individuals'][best],
-            terrain=config.terrain,
+            terrain=episodes.terrains[0],
             material=config.material,
             solver=config.solver,
             fitness=scores[chosen_by],
             seed=config.seed,
-            evaluations=progress.evaluations,
+            evaluations=progress.episodes,
             chosen_by=chosen_by,
             task=config.task,
             scores=scores,
             wall_time=progress.wall_time,
+            episode_set=None if episodes.is_plain else episodes,
+            n_episodes=N_FURTHER if len(progress.further) else episodes.n_episodes,
         )
 
     def close(self) -> None:

@@ -6,11 +6,17 @@ from sim_node.errors import InvalidInput
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.strategies import STRATEGIES
 
-HISTORY = ('generation', 'evaluations', 'best', 'median', 'worst', 'best_so_far')
-"""Columns of history.csv; best, median and worst are scores of the generation's evaluations, in
-the unit of the run's task."""
+HISTORY = ('generation', 'episodes', 'best', 'median', 'worst', 'best_so_far')
+"""Columns of history.csv: the episodes so far, and scores in the unit of the run's task. best,
+median and worst are those of the generation's candidates. If sets of episodes are drawn, also
+best_so_far is a score on the generation's set, that of the best individual now."""
 
-_OPTIONAL = 'reassessed', 'other_engine', 'population', 'population_fitness', 'wall_time'
+FORMER_HISTORY = tuple('evaluations' if name == 'episodes' else name for name in HISTORY)
+"""Columns of history.csv in earlier versions."""
+
+_OPTIONAL = (
+    'reassessed', 'other_engine', 'population', 'population_fitness', 'wall_time', 'further',
+)
 """Entries that are missing in checkpoints of some versions; they may be empty."""
 
 
@@ -37,6 +43,7 @@ def check_arrays(arrays: dict[str, np.ndarray], config: RunConfig) -> None:
         'generation': (),
         'reassessed': (min(len(arrays['reassessed']), config.n_elite),),
         'other_engine': (min(len(arrays['other_engine']), 1),),
+        'further': (min(len(arrays['further']), config.n_elite if config.draw else 0),),
         'wall_time': (min(len(arrays['wall_time']), 1),),
         'population': (whole, config.n_parameters),
         'population_fitness': (whole,),
@@ -59,5 +66,5 @@ def check_arrays(arrays: dict[str, np.ndarray], config: RunConfig) -> None:
         if not (fitness[:-1] >= fitness[1:]).all() or np.isnan(fitness).any():
             raise InvalidInput(of_it, fitness.tolist(), 'numbers, the best first')
     spent = arrays['history'][:, 1]
-    if not (np.diff(spent, prepend=0) > 0).all() or not spent[-1] <= config.evaluations:
-        raise InvalidInput('history', spent.tolist(), f'up to {config.evaluations} evaluations')
+    if not (np.diff(spent, prepend=0) > 0).all() or not spent[-1] <= config.episodes:
+        raise InvalidInput('history', spent.tolist(), f'up to {config.episodes} episodes')

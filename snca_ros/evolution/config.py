@@ -9,19 +9,20 @@ from sim_node.control_time import steps_in
 from sim_node.engine import DEFAULT_ENGINE, ENGINES, check_engine
 from sim_node.errors import InvalidInput, check_keys
 from sim_node.model.body_file import check_size
-from sim_node.model.constants import check_declared, choice, constant, text_value
+from sim_node.model.constants import check_declared, choice, constant, same_as
 from sim_node.model.material import Material
 from sim_node.model.morphology import DEFAULT_SHAPE, parse_morphology
 from sim_node.model.physics import DEFAULT_PHYSICS, UNNAMED_PHYSICS
 from sim_node.model.sensors import DEFAULT_SENSORS
 from sim_node.model.solver import Solver
-from sim_node.model.terrain import DEFAULT_TERRAIN, TERRAIN_FORM, parse_terrain
 from sim_node.simulation import Simulation
 from snca_ros.cell.architecture import DEFAULT_ARCHITECTURE, Architecture
 from snca_ros.cell.models import DEFAULT_NEURON_MODEL
 from snca_ros.cell.models.arithmetic import DEFAULT_ARITHMETIC
 from snca_ros.evolution.conditions import Conditions
+from snca_ros.evolution.config_keys import LATER, compacted, present_keys
 from snca_ros.evolution.episode import EPISODE, LONGEST, TRANSIENT
+from snca_ros.evolution.episode_set import N_FURTHER, EpisodeSet, cached_set
 from snca_ros.evolution.strategies import DEFAULT_STRATEGY, STRATEGIES, Strategy
 from snca_ros.evolution.tasks import DEFAULT_TASK, TASKS, check_task
 from snca_ros.files import short_name
@@ -29,18 +30,14 @@ from snca_ros.yaml_file import read_yaml, yaml_text
 
 _LONGEST_NAME = 180  # bytes; names of files add an ending to it, and may have 255
 
-_LATER = ('task',)
-"""Keys that the config.yaml of an earlier version may lack. They are first in the file, so that one
-that was cut lacks a key that none may lack."""
-
 
 @dataclass(frozen=True)
 class RunConfig:
     """The configuration of an evolutionary run.
 
     Attributes:
-        shape: morphology, a name or a grid.
-        architecture: architecture of the cells.
+        shape: morphology, a name or a grid, or several of them, see `EpisodeSet`.
+        architecture: architecture of the cells; with several shapes it is uniform.
         material, solver: options of the simulation.
 
     The declarations of the other attributes describe them.
@@ -51,10 +48,8 @@ class RunConfig:
 
     shape: str
     architecture: Architecture
-    terrain: str = text_value(
-        DEFAULT_TERRAIN, 'ground; if it is not given, that of the task', TERRAIN_FORM
-    )
-    evaluations: int = constant(30_000, 1, 10**9, 'total number of episodes')
+    terrain: str = same_as(EpisodeSet, 'terrain')
+    episodes: int = constant(30_000, 1, 10**9, 'total number of episodes')
     seed: int = constant(0, 0, 2**32 - 1, 'seed of all random numbers')
     population: int = constant(36, 4, 100_000, 'individuals per generation')
     sigma: float = constant(0.35, 1e-9, 100.0, 'standard deviation of the offspring')
@@ -67,11 +62,26 @@ class RunConfig:
     engine: str = choice(DEFAULT_ENGINE, ENGINES, 'physics engine in which episodes are scored')
     strategy: str = choice(DEFAULT_STRATEGY, STRATEGIES, 'optimiser')
     task: str = choice(DEFAULT_TASK, TASKS, 'task that defines the score of an episode')
+    faults: str = same_as(EpisodeSet, 'faults')
+    starts: int = same_as(EpisodeSet, 'starts')
+    draw: int = same_as(EpisodeSet, 'draw')
+    score: str = same_as(EpisodeSet, 'score')
 
     def __post_init__(self) -> None:
-        parse_morphology(self.shape)
-        parse_terrain(self.terrain)
+        of_candidate = EpisodeSet(**self._of_set)
         check_declared(self)
+        if len(of_candidate.shapes) > 1 and not self.architecture.uniform:
+            expected = (
+                f'one shape, or a uniform architecture: the parameters of {self.architecture.name} '
+                'are those of the voxels of one body'
+            )
+            raise InvalidInput('shape', self.shape, expected)
+        if not self.room(0):
+            least = self.reserved + of_candidate.n_episodes
+            expected = f'at least {least}, for one candidate in {of_candidate.n_episodes} episodes'
+            if self.draw:
+                expected += f' and the choice of the best, {self.reserved} episodes'
+            raise InvalidInput('episodes', self.episodes, expected)
         if steps_in(self.transient) >= steps_in(self.duration):
             expected = f'a time below the duration of an episode, {self.duration:g} s'
             raise InvalidInput('transient', self.transient, expected)
@@ -79,12 +89,47 @@ class RunConfig:
         check_task(self.task)
         check_size(self.n_parameters)
 
+    @property
+    def _of_set(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in EpisodeSet.__dataclass_fields__}
+
+    @property
+    def episode_set(self) -> EpisodeSet:
+        """Return the episodes of one candidate."""
+        return cached_set(**self._of_set)
+
+    @property
+    def reserved(self) -> int:
+        """Return the number of episodes that choose the best individual at the end of the run.
+
+        It is 0 unless sets are drawn: then each parent of the last population has `N_FURTHER`.
+        """
+        return N_FURTHER * self.n_elite if self.draw else 0
+
+    def room(self, spent: int) -> int:
+        """Return how many candidates the budget has left for the next generation.
+
+        Without drawn sets, the last generation can be smaller than the others. With them, each
+        generation but the first needs a whole population, since its fitness is compared with no
+        other generation's.
+
+        Args:
+            spent: number of episodes spent so far.
+        """
+        n = (self.episodes - self.reserved - spent) // self.episode_set.n_episodes
+        too_few = self.draw > 0 and spent > 0 and n < self.population
+        return 0 if too_few else max(n, 0)
+
     def conditions(self, push: int = 0) -> Conditions:
-        """Return the conditions of an episode; `push` is 0 or the seed of a pushed start."""
-        return Conditions(self.shape, self.terrain, push)
+        """Return the conditions of an episode without faults at home, the first body and terrain.
+
+        Args:
+            push: 0, or the seed of a pushed start.
+        """
+        return Conditions(self.episode_set.shapes[0], self.episode_set.terrains[0], push)
 
     def simulation(self, conditions: Conditions | None = None) -> Simulation:
-        """Return the simulation of an episode; without conditions, of that of the run."""
+        """Return the simulation of an episode; without conditions, of one at home."""
         conditions = conditions or self.conditions()
         return Simulation(
             conditions.shape, conditions.terrain,
@@ -103,14 +148,15 @@ class RunConfig:
         """Return the name of the run, which consists of its settings.
 
         It omits material, sub-steps and iterations, and most settings with default values. The
-        first runs were made before there was a choice of physics, so their names have none. A name
-        that is too long for files ends with a digest, see `short_name`.
+        first runs were made before there was a choice of physics, so their names have none. Runs
+        whose candidates have one episode each name their budget `evaluations`, as the first ones. A
+        name that is too long for files ends with a digest, see `short_name`.
         """
         cell = self.architecture
         usual = Architecture(
             cell.uniform, cell.directional, cell.neuron_model, cell.n_c, sensors=cell.sensors
         )
-        parts = [self.shape, cell.name, cell.neuron_model]
+        parts = [self.shape.replace(',', '+'), cell.name, cell.neuron_model]
         if cell.as_printed:
             parts.append('as-printed')
         if cell.arithmetic != DEFAULT_ARITHMETIC:
@@ -121,7 +167,12 @@ class RunConfig:
             parts.append(f'n_c{cell.n_c}')
         if cell.hidden != usual.hidden:
             parts.append(f'hidden{"x".join(map(str, cell.hidden)) or 0}')
-        parts.append(self.terrain)
+        parts.append(self.terrain.replace(',', '+'))
+        if self.faults:
+            parts.append(f'faults-{self.faults.replace(";", "+")}')
+        parts += [f'{key}{getattr(self, key)}' for key in ('starts', 'draw') if getattr(self, key)]
+        if self.score != EpisodeSet.score:
+            parts.append(self.score)
         if self.task != DEFAULT_TASK:
             parts.append(self.task)
         if self.engine != DEFAULT_ENGINE:
@@ -130,16 +181,18 @@ class RunConfig:
             parts.append(self.strategy)
         if self.solver.physics != UNNAMED_PHYSICS:
             parts.append(self.solver.physics)
-        for key in ('evaluations', 'population', 'sigma', 'duration', 'transient'):
+        for key in ('episodes', 'population', 'sigma', 'duration', 'transient'):
             value = getattr(self, key)
             if value != type(self).__dataclass_fields__[key].default:
-                parts.append(f'{key}{value:.15g}')
+                named = 'evaluations' if key == 'episodes' and self.episode_set.is_plain else key
+                parts.append(f'{named}{value:.15g}')
         return short_name('-'.join([*parts, f'seed{self.seed}']), _LONGEST_NAME)
 
     @property
     def n_parameters(self) -> int:
         """Return the number of parameters of a candidate."""
-        return self.architecture.n_parameters(parse_morphology(self.shape).n_voxels)
+        body = parse_morphology(self.episode_set.shapes[0])
+        return self.architecture.n_parameters(body.n_voxels)
 
     @property
     def n_elite(self) -> int:
@@ -154,7 +207,7 @@ class RunConfig:
     def to_yaml(self) -> str:
         """Return the text of config.yaml."""
         values = {**asdict(self), 'architecture': self.architecture.to_dict()}
-        later = {key: values.pop(key) for key in _LATER}
+        later = {key: values.pop(key) for key in LATER}
         return yaml_text({**later, **values})
 
     @classmethod
@@ -174,7 +227,8 @@ class RunConfig:
         """Return a configuration from the names of an architecture and a physics.
 
         Args:
-            shape, settings: see `RunConfig`; the default terrain is that of the task.
+            shape, settings: see `RunConfig`; the default terrain is that of the task. Shapes,
+                terrains and faults may have spaces, or be lists.
             architecture, neuron_model, n_c, hidden, as_printed, sensors: see
                 `Architecture.named`.
             physics: one of `sim_node.model.physics.PHYSICS`.
@@ -184,8 +238,8 @@ class RunConfig:
             sensors=sensors,
         )
         task = check_task(settings.get('task', DEFAULT_TASK))
-        settings = {'terrain': task.terrain, **settings}
-        return cls(shape, cell, solver=Solver(physics=physics), **settings)
+        settings = compacted({'shape': shape, 'terrain': task.terrain, **settings})
+        return cls(**settings, architecture=cell, solver=Solver(physics=physics))
 
     @classmethod
     def from_yaml(cls, path: Path) -> 'RunConfig':
@@ -201,10 +255,10 @@ class RunConfig:
         """Return the configuration in a parsed config.yaml."""
         if not isinstance(values, dict):
             raise InvalidInput('config', values, 'keys and values')
-        keys = list(cls.__dataclass_fields__)
+        values, keys = present_keys(values), list(cls.__dataclass_fields__)
         check_keys('key', values, keys)
         for key in keys:
-            if key not in values and key not in _LATER:
+            if key not in values and key not in LATER:
                 raise InvalidInput(key, None, 'a value')
         for key in ('architecture', 'material', 'solver'):
             if not isinstance(values[key], dict):

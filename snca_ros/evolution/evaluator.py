@@ -3,7 +3,8 @@
 import functools
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Protocol
+from concurrent.futures import Future
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -68,7 +69,7 @@ GROUP_RUNNERS: dict[type[Engine], Callable[[RunConfig], GroupRunner]] = {
 class Evaluator:
     """Scores candidates of a run by its task, with one episode each in the engine of the run.
 
-    A score depends only on the candidate, the configuration and the start, not on the other
+    A score depends only on the candidate, the configuration and the conditions, not on the other
     candidates.
 
     Args:
@@ -79,7 +80,7 @@ class Evaluator:
         self.config, self._task = config, check_task(config.task)
         engine = ENGINES.find(config.engine)
         self._lanes, self._run = engine.lanes, GROUP_RUNNERS.get(engine, OneByOne)(config)
-        self._ready: set[int] = set()
+        self._ready: set[str] = set()
 
     def __call__(
         self, candidates: np.ndarray, conditions: Conditions | None = None
@@ -89,17 +90,24 @@ class Evaluator:
         Args:
             candidates: their parameters. If the engine steps robots side by side, n is at most
                 the last of its `lanes`.
-            conditions: of their episodes, the same for all; None for those of the run.
+            conditions: of their episodes, the same for all; None for `RunConfig.conditions`.
         """
         config, width = self.config, group_width(self._lanes, len(candidates))
         conditions = conditions or config.conditions()
-        if width not in self._ready:  # only one of a machine's workers compiles
-            name = f'episode-{config.engine}-{width}-{len(self._task.records)}'
+        name = f'episode-{config.engine}-{width}-{len(self._task.records)}{_kind(conditions)}'
+        if name not in self._ready:  # only one of a machine's workers compiles
             brief = 2.0 / CONTROL_RATE
             warm_up(name, lambda: list(self._run(candidates, width, brief, conditions)))
-            self._ready.add(width)
+            self._ready.add(name)
         episodes = self._run(candidates, width, config.duration, conditions)
         return [score_of(self._task, episode, config.transient) for episode in episodes]
+
+
+def _kind(conditions: Conditions) -> str:
+    """Return a name of the code that episodes compile besides that of episodes without faults."""
+    faults = conditions.faults
+    of_body = any(value for name, value in faults.of_body.items() if name != 'seed')
+    return '-faulty' * faults.affect_cells + '-body' * of_body
 
 
 def group_width(lanes: Sequence[int], n: int) -> int:
@@ -119,19 +127,66 @@ def evaluate(
         workers: workers that evaluate.
         config: configuration of the run.
         candidates: their parameters.
-        conditions: of their episodes; None for those of the run.
+        conditions: of their episodes; None for `RunConfig.conditions`.
     """
-    lanes = ENGINES.find(config.engine).lanes
-    size = group_width(lanes, -(-len(candidates) // workers.count()))
-    groups = [candidates[i : i + size] for i in range(0, len(candidates), size)]
-    futures = [workers.executor.submit(score, config, group, conditions) for group in groups]
-    for future in futures:
+    for future in _submit(workers, config, candidates, [conditions or config.conditions()])[0]:
         yield from future.result()
 
 
-def score(
-    config: RunConfig, candidates: np.ndarray, conditions: Conditions | None
-) -> list[Scored]:
+class SetScore(NamedTuple):
+    """The score of a candidate on a set of episodes.
+
+    Attributes:
+        score: the scores of its episodes, combined.
+        wall_time: the earliest time [s] at which it met the wall at the end of the ground in an
+            episode; None if it met it in none.
+    """
+
+    score: float
+    wall_time: float | None
+
+
+def evaluate_set(
+    workers: Workers, config: RunConfig, candidates: np.ndarray, conditions: Sequence[Conditions]
+) -> list[SetScore]:
+    """Return the score of each of (n, n_parameters) candidates on a set of episodes.
+
+    The scores do not depend on the workers or their number.
+
+    Args:
+        workers: workers that evaluate.
+        config: configuration of the run.
+        candidates: their parameters.
+        conditions: of the episodes of each candidate.
+    """
+    submitted = _submit(workers, config, candidates, conditions)
+    by_episode = [[one for future in row for one in future.result()] for row in submitted]
+    found = []
+    for of_one in zip(*by_episode, strict=True):
+        times = [one.walls.times[1] for one in of_one if one.walls.times[1] is not None]
+        score = config.episode_set.combined([one.score for one in of_one])
+        found.append(SetScore(score, min(times, default=None)))
+    return found
+
+
+def _submit(
+    workers: Workers, config: RunConfig, candidates: np.ndarray, conditions: Sequence[Conditions]
+) -> list[list[Future[list[Scored]]]]:
+    """Submit the episodes of all candidates, in groups that have the same conditions.
+
+    Returns:
+        For each of the conditions, the future scores of the groups of candidates.
+    """
+    lanes = ENGINES.find(config.engine).lanes
+    size = group_width(lanes, -(-len(candidates) * len(conditions) // workers.count()))
+    groups = [candidates[i : i + size] for i in range(0, len(candidates), size)]
+    return [
+        [workers.executor.submit(score, config, group, one) for group in groups]
+        for one in conditions
+    ]
+
+
+def score(config: RunConfig, candidates: np.ndarray, conditions: Conditions) -> list[Scored]:
     """Return the score of each of a group of candidates; see `Evaluator`."""
     return _evaluator(config, threading.get_ident())(candidates, conditions)
 

@@ -22,17 +22,17 @@ def draw_histories(
     figure = Figure(figsize=(7.0, 4.0 + 0.15 * len(names)), layout='constrained')
     axes = figure.subplots()
     for i, (name, table) in enumerate(zip(names, tables, strict=True)):
-        _, evaluations, best, median, worst, best_so_far = np.where(
+        _, episodes, best, median, worst, best_so_far = np.where(
             np.isfinite(table), table, np.nan
         ).T
         color = f'C{i % 10}'
-        axes.fill_between(evaluations, worst, best, color=color, alpha=0.12, linewidth=0)
-        axes.plot(evaluations, median, color=color, linewidth=0.8)
+        axes.fill_between(episodes, worst, best, color=color, alpha=0.12, linewidth=0)
+        axes.plot(episodes, median, color=color, linewidth=0.8)
         axes.step(
-            evaluations, best_so_far, where='post', color=color, linewidth=1.8,
+            episodes, best_so_far, where='post', color=color, linewidth=1.8,
             label=as_label(name),
         )
-    axes.set(xlabel='evaluations', ylabel=label)
+    axes.set(xlabel='episodes', ylabel=label)
     axes.set_title('best so far (bold), median and range of a generation', loc='left', fontsize=9)
     axes.grid(linewidth=0.4, alpha=0.5)
     legend_above(axes, 1.07)

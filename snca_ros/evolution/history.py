@@ -8,15 +8,18 @@ import numpy as np
 
 from sim_node.errors import InvalidInput
 from snca_ros.controller_file import load_controller
-from snca_ros.evolution.checkpoint_arrays import HISTORY
+from snca_ros.evolution.checkpoint_arrays import FORMER_HISTORY, HISTORY
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.tasks import DEFAULT_TASK, TASKS, Task
 from snca_ros.files import read_csv
 from snca_ros.progress import bars
 
-CURVE_COLUMNS = ('evaluations', 'best_so_far')
-"""Columns of a history in the results of a campaign: the best score so far where it rises, and at
+CURVE_COLUMNS = ('episodes', 'best_so_far')
+"""Columns of a history in the results of a campaign: the best score so far where it changes, and at
 the last generation."""
+
+FORMER_CURVE_COLUMNS = ('evaluations', 'best_so_far')
+"""The same of earlier versions."""
 
 _WIDTH, _HEIGHT = 60, 4  # of a run's chart [characters]
 
@@ -29,10 +32,11 @@ class History:
         name: path of the run, as the user gave it.
         rows: (n, 6) columns `HISTORY`, a row per generation; of a campaign, a row where the best
             score so far rises, and NaN in the columns that it does not keep. n may be 0.
-        total: evaluations of the complete run; None if only its history is known.
+        total: episodes of the complete run; None if only its history is known.
         task: task of the run; None if there is no configuration of the run beside the history.
         wall_time: time [s] at which the best robot met the wall at the end of the ground; None if
             it did not, or only the history.csv is known.
+        finished: whether the run is finished; True if only its history is known.
     """
 
     name: str
@@ -40,6 +44,7 @@ class History:
     total: int | None
     task: Task | None
     wall_time: float | None = None
+    finished: bool = True
 
     @property
     def label(self) -> str:
@@ -47,14 +52,9 @@ class History:
         return self.task.label if self.task else 'fitness'
 
     @property
-    def evaluations(self) -> int:
-        """Return the number of evaluations spent."""
+    def episodes(self) -> int:
+        """Return the number of episodes spent in generations."""
         return int(self.rows[-1, 1]) if len(self.rows) else 0
-
-    @property
-    def finished(self) -> bool:
-        """Return whether the run is finished; True if its total is not known."""
-        return self.total is None or self.evaluations >= self.total
 
     @property
     def has_generations(self) -> bool:
@@ -66,7 +66,7 @@ class History:
         kept = HISTORY if self.has_generations else CURVE_COLUMNS
         return {
             'run': self.name, 'quantity': self.task.quantity if self.task else None,
-            'unit': self.task.unit if self.task else None, 'evaluations': self.evaluations,
+            'unit': self.task.unit if self.task else None, 'episodes': self.episodes,
             'total': self.total, 'finished': self.finished,
             'history': {name: self.rows[:, HISTORY.index(name)] for name in kept},
         }
@@ -101,9 +101,15 @@ def read_history(path: Path) -> History:
     config = RunConfig.from_yaml(path / 'config.yaml')
     table = path / 'history.csv'
     rows = _rows(table) if table.exists() else np.empty((0, len(HISTORY)))
-    best = path / 'best.npz'
-    wall_time = load_controller(best).wall_time if best.exists() else None
-    return History(str(path), rows, config.evaluations, TASKS.find(config.task), wall_time)
+    best = load_controller(path / 'best.npz') if (path / 'best.npz').exists() else None
+    spent = int(rows[-1, 1]) if len(rows) else 0
+    finished = not config.room(spent)
+    if config.draw:  # it is when the best is chosen, by further episodes
+        finished = finished and best is not None and best.evaluations > spent
+    return History(
+        str(path), rows, config.episodes, TASKS.find(config.task),
+        best.wall_time if best else None, finished,
+    )
 
 
 def _task_beside(path: Path) -> Task | None:
@@ -116,7 +122,7 @@ def _task_beside(path: Path) -> Task | None:
 
 def _rows(path: Path) -> np.ndarray:
     header, rows = read_csv(path, 'the history of a run')
-    is_curve = tuple(header) == CURVE_COLUMNS
+    is_curve = tuple(header) in (CURVE_COLUMNS, FORMER_CURVE_COLUMNS)
     try:
         table = np.full((len(rows), len(HISTORY)), np.nan)
         at = [HISTORY.index(name) for name in CURVE_COLUMNS] if is_curve else slice(None)
@@ -124,9 +130,9 @@ def _rows(path: Path) -> np.ndarray:
     except ValueError:
         expected = f'the history of a run: {", ".join(HISTORY)}'
         raise InvalidInput('file', 'other columns or values', expected, str(path)) from None
-    is_known = is_curve or tuple(header) == HISTORY
+    is_known = is_curve or tuple(header) in (HISTORY, FORMER_HISTORY)
     if not is_known or not (np.diff(table[:, 1], prepend=0) > 0).all():
-        expected = f'rows of {",".join(HISTORY)} with increasing evaluations'
+        expected = f'rows of {",".join(HISTORY)} with increasing episodes'
         raise InvalidInput('file', f'{len(rows)} rows under {header}', expected, str(path))
     return table
 
@@ -139,7 +145,7 @@ def describe(history: History) -> list[str]:
     generation, _, best, median, worst, best_so_far = rows[-1]
     in_unit = history.task.in_unit if history.task else '{:.3f}'.format
     of = '' if history.total is None else f' of {history.total}'
-    head = f'{history.name}: {history.evaluations}{of} evaluations, best {in_unit(best_so_far)}'
+    head = f'{history.name}: {history.episodes}{of} episodes, best {in_unit(best_so_far)}'
     if history.wall_time is not None:
         head += f', which met the wall at the end of the ground at {history.wall_time:.2f} s'
     if not history.has_generations:

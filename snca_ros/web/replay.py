@@ -93,7 +93,7 @@ def _describe(trained: TrainedController) -> str:
     return (
         f'{trained.morphology.label}, {trained.morphology.n_voxels} voxels, {cells.name} '
         f'{cells.neuron_model}, {trained.evolved} in the physics '
-        f'{trained.solver.physics} for {trained.evaluations} evaluations to '
+        f'{trained.solver.physics} for {trained.evaluations} episodes to '
         f'{trained.achieved}'
     )
 

@@ -14,7 +14,7 @@ from support.paths import ROOT
 from support.processes import children_of, wait_until
 
 BUDGET = [  # replacements that make the commands shorter
-    ('--evaluations 3000', '--evaluations 36 --duration 2 --transient 1 --workers 1'),
+    ('--episodes 3000', '--episodes 36 --duration 2 --transient 1 --workers 1'),
     ('--duration 30 --real-time', '--duration 6 --real-time'),
     ('--duration 30', '--duration 2 --voxels-per-process 5'),
     ('@10', '@1'),

@@ -14,6 +14,7 @@ from snca_ros.bundled import DEFAULT_CONTROLLER, bundled_controllers, find_contr
 from snca_ros.controller_file import load_controller
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.episode import run_episode
+from snca_ros.evolution.history import read_history
 
 BUNDLED, RESULTS = ROOT / 'config' / 'controllers', ROOT / 'results' / 'paper'
 NAMES = [path.stem for path in sorted(BUNDLED.glob('*.npz'))]
@@ -38,10 +39,10 @@ def test_the_bundled_are_found_beside_an_installation(library, tmp_path, monkeyp
 def test_default_is_what_its_history_says():
     trained = load_controller(BUNDLED / f'{DEFAULT_CONTROLLER}.npz')
     config = RunConfig.from_yaml(BUNDLED / f'{DEFAULT_CONTROLLER}.yaml')
-    rows = list(csv.DictReader((BUNDLED / f'{DEFAULT_CONTROLLER}.csv').open()))
-    assert trained.evaluations == config.evaluations == int(rows[-1]['evaluations'])
+    history = read_history(BUNDLED / f'{DEFAULT_CONTROLLER}.csv')
+    assert trained.evaluations == config.episodes == history.episodes
     assert (trained.architecture, trained.seed) == (config.architecture, config.seed)
-    best = [float(row['best_so_far']) for row in rows]
+    best = history.rows[:, -1].tolist()
     assert best == sorted(best)
     assert best[-1] >= trained.fitness  # the robust controller is not always the evolution's best
 

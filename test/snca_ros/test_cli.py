@@ -16,7 +16,7 @@ from snca_ros import cli
 from snca_ros.bundled import bundled_controllers
 from snca_ros.cell.architecture import Architecture
 from snca_ros.command_line import CommandParser
-from snca_ros.commands.declared_options import DeclaredOption
+from snca_ros.commands.declared_options import DeclaredOption, FormerOption
 from snca_ros.evolution.config import RunConfig
 
 ROOT = Path(snca_ros.__file__).parents[1]
@@ -148,7 +148,10 @@ REQUIRED = {
 
 def declared_options(name):
     """Return the options of a command that are declared constants."""
-    return [action for action in parser_of(name)._actions if isinstance(action, DeclaredOption)]
+    return [
+        action for action in parser_of(name)._actions
+        if isinstance(action, DeclaredOption) and not isinstance(action, FormerOption)
+    ]
 
 
 def test_numbers_of_commands_are_declared():
@@ -168,7 +171,7 @@ def test_help_has_the_default_of_the_declaration(name):
     assert options
     for action in options:
         assert action.default in (None, action.declared.default)
-        if action.dest not in ('real_time', 'workers'):  # lock-step; all cores
+        if action.dest not in ('real_time', 'workers', 'faults'):  # lock-step; all cores; none
             default = shown(action.declared.default)
             assert re.search(rf'\(default {re.escape(default)}[,;)]', action.help), action.dest
 
@@ -214,7 +217,7 @@ def test_a_value_that_is_off_is_named_with_its_option_and_range(name, capsys):
 
 
 @pytest.mark.parametrize(('arguments', 'hint'), [
-    (['evolve', '--evaluatons', '9'], "'--evaluatons' (did you mean '--evaluations'?)"),
+    (['evolve', '--episods', '9'], "'--episods' (did you mean '--episodes'?)"),
     (['assess', 'x.npz', '--terains=flat'], "'--terains=flat' (did you mean '--terrains'?)"),
     (['report', 'bag', 'bog'], "unknown argument 'bog';"),
     (['report'], 'required: BAG'),
@@ -321,7 +324,7 @@ def test_help_of_evolve_names_its_options(capsys):
     assert end.value.code == 0
     out = capsys.readouterr().out
     assert out.startswith('usage: snca evolve')
-    wanted = 'shape architecture neuron-model terrain evaluations seed workers resume run'
+    wanted = 'shape architecture neuron-model terrain episodes seed workers resume run'
     for option in wanted.split():
         assert f'--{option} ' in out
 

@@ -23,6 +23,7 @@ from snca_ros.commands.render import RenderOptions
 from snca_ros.commands.replay import ReplayOptions
 from snca_ros.commands.worker_options import WorkerOptions
 from snca_ros.evolution.config import RunConfig
+from snca_ros.evolution.episode_set import EpisodeSet
 from snca_ros.faults import FAULTS_OF_CELLS, Faults, FaultsOfCells
 from snca_ros.graph.description import WalkOptions
 from snca_ros.nodes.interfaces import NeighborNames, RecorderOptions, ViewOptions, VoxelOptions
@@ -31,7 +32,7 @@ INSTANCES = {type(instance).__name__: instance for instance in (
     Material(), Solver(), FaultsOfBody(), FaultsOfCells(), Faults(), RunConfig.named(),
     AssessmentOptions(), BodyOptions(), RunOptions(), VoxelOptions(), NeighborNames(),
     RecorderOptions(), ViewOptions(), WalkOptions(), RenderOptions(), ReplayOptions(),
-    WorkerOptions(), FirmwareOptions(), SearchSettings(),
+    WorkerOptions(), FirmwareOptions(), SearchSettings(), EpisodeSet(),
 )}
 DECLARATIONS = {'constant', 'choice', 'flag', 'text_value', 'same_as'}
 FIELDS = [(name, f) for name, instance in INSTANCES.items() for f in declared(instance)]

@@ -60,7 +60,7 @@ def sledge():
 
 
 CONFIG = RunConfig(
-    'biped', Architecture.named('U-nD', 'mlp'), evaluations=14, population=6, duration=1.0,
+    'biped', Architecture.named('U-nD', 'mlp'), episodes=14, population=6, duration=1.0,
     transient=0.2,
 )
 

@@ -138,7 +138,7 @@ def test_disturbances_of_five_sensors_are_the_same_drawn_at_once():
 def test_it_is_evolved_saved_loaded_and_recorded(tmp_path, engine, model):
     cell = Architecture.named('U-nD', model, sensors=FIVE)
     config = RunConfig(
-        '11-10', cell, engine=engine, evaluations=14, population=6, duration=1.0, transient=0.2
+        '11-10', cell, engine=engine, episodes=14, population=6, duration=1.0, transient=0.2
     )
     assert 'sensors-area+touch+velocity_x+velocity_y+tilt' in config.name
     assert 'hidden' not in config.name
@@ -193,7 +193,7 @@ def test_the_command_takes_sensors_of_a_plug_in(tmp_path):
     path = os.pathsep.join([str(ROOT), str(ROOT / 'test')])
     command = [
         sys.executable, '-m', 'snca_ros', 'evolve', '--shape', '11', '--sensors', 'tilt,area',
-        '--neuron-model', 'mlp', '--evaluations', '4', '--population', '4', '--duration', '0.2',
+        '--neuron-model', 'mlp', '--episodes', '4', '--population', '4', '--duration', '0.2',
         '--transient', '0',
     ]
 

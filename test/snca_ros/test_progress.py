@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from snca_ros.commands.evolve import ProgressLine
-from snca_ros.evolution.checkpoint import Progress
+from snca_ros.evolution.run_progress import Progress
 from snca_ros.evolution.tasks import TASKS
 from snca_ros.progress import StatusLine, bars, fit
 
@@ -64,11 +64,11 @@ def test_a_line_on_a_terminal_stays_one_line(monkeypatch):
 
 
 @pytest.mark.parametrize(('text', 'width', 'shown'), [
-    ('3 of 9 runs done, 2 running; evaluations 1.0/s', 30, '3 of 9 runs done, 2 running'),
-    ('3 of 9 runs done, 2 running; evaluations 1.0/s', 27, '3 of 9 runs done, 2 running'),
+    ('3 of 9 runs done, 2 running; episodes 1.0/s', 30, '3 of 9 runs done, 2 running'),
+    ('3 of 9 runs done, 2 running; episodes 1.0/s', 27, '3 of 9 runs done, 2 running'),
     ('3 of 9 runs done, 2 running', 26, '3 of 9 runs done'),
-    ('10/40 evaluations  1.0/s  best 0.50', 34, '10/40 evaluations  1.0/s'),
-    ('ten of forty evaluations', 11, 'ten of'), ('word', 3, 'wor'), ('word', 4, 'word'),
+    ('10/40 episodes  1.0/s  best 0.50', 31, '10/40 episodes  1.0/s'),
+    ('ten of forty episodes', 11, 'ten of'), ('word', 3, 'wor'), ('word', 4, 'word'),
 ])
 def test_a_line_is_cut_between_its_parts(text, width, shown):
     assert fit(text, width) == shown
@@ -106,7 +106,7 @@ def test_evolution_on_a_terminal(monkeypatch):
 def test_a_narrow_terminal_has_no_bar(monkeypatch):
     screen = become_terminal(monkeypatch, 60)
     ProgressLine(total=40, done=0, task=TASKS['walk'])(progress((0.5, 0.1, -0.2)))
-    assert screen.getvalue().startswith('\r\x1b[K10/40 evaluations  ')
+    assert screen.getvalue().startswith('\r\x1b[K10/40 episodes  ')
 
 
 def test_evolution_is_quiet_where_there_is_no_terminal(capsys):
@@ -117,6 +117,6 @@ def test_evolution_is_quiet_where_there_is_no_terminal(capsys):
     assert capsys.readouterr().err == ''  # nothing within a minute
     line(progress(*rows))
     told = capsys.readouterr().err
-    assert told.startswith('30/30 evaluations  ')
+    assert told.startswith('30/30 episodes  ')
     assert told.endswith('best 2.00  median 0.30 (0.00…2.00) m/s\n')
     assert '\x1b' not in told

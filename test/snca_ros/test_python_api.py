@@ -3,6 +3,7 @@
 import argparse
 import ast
 import inspect
+import json
 import os
 import subprocess
 import sys
@@ -20,6 +21,7 @@ import snca_ros as snca
 from sim_node.model.material import Material
 from sim_node.model.morphology import parse_morphology
 from sim_node.simulation import Diverged, Simulation
+from snca_ros import cli
 from snca_ros.api.processes import worker_processes
 from snca_ros.cell.architecture import Architecture
 from snca_ros.commands.evolve import add_arguments
@@ -34,7 +36,7 @@ from snca_ros.recording.episode import RECORDABLE
 
 ENVIRONMENT = {**os.environ, 'PYTHONPATH': str(ROOT)}
 FAULTS = 'loss=0.3,delay=1,death=0.5@0.5,broken_sensors=random:0.3,broken_actuators=frozen:0.3'
-TINY = {'evaluations': 10, 'population': 4, 'duration': 0.5, 'transient': 0.1}
+TINY = {'episodes': 10, 'population': 4, 'duration': 0.5, 'transient': 0.1}
 
 
 def make_robot(model='snn-h', **options):
@@ -276,7 +278,7 @@ def test_evolve_is_the_command(tmp_path):
         assert (tmp_path / 'a' / name).read_bytes() == (tmp_path / 'b' / name).read_bytes()
     np.testing.assert_array_equal([tuple(row) for row in run.history], progress.history)
     assert [len(now.history) for now in seen] == [1, 2, 3]
-    assert run.history['evaluations'].tolist() == [4, 7, 10]
+    assert run.history['episodes'].tolist() == [4, 7, 10]
     best = run.best.trained.fitness
     assert best == run.history['best_so_far'][-1]
     assert run.best.name == 'a'
@@ -284,7 +286,56 @@ def test_evolve_is_the_command(tmp_path):
         run.best.parameters, load_controller(tmp_path / 'b' / 'best.npz').parameters
     )
     np.testing.assert_array_equal(snca.load(tmp_path / 'a').parameters, run.best.parameters)
-    assert repr(run).endswith(f', 10 of 10 evaluations, best v_x {best:.3f} m/s)')
+    assert repr(run).endswith(f', 10 of 10 episodes, best v_x {best:.3f} m/s)')
+
+
+def test_evolve_on_a_set_is_the_command(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'faults.yaml').write_text('loss: 0.3\nseed: 4\n')
+    run = snca.evolve(
+        ['11', '11-10'], 'U-D', 'mlp', terrain=['flat', 'uphill-10'],
+        faults=['none', 'faults.yaml', snca.Faults(delay=1)], starts=1, score='minimum',
+        run=tmp_path / 'a', **{**TINY, 'episodes': 60},
+    )
+    assert run.config.episode_set.n_episodes == 12
+    assert run.config.faults == 'none;loss=0.3,seed=4;delay=1'
+    assert run.history['episodes'].tolist() == [48, 60]
+    assert repr(run).endswith(
+        f'60 of 60 episodes, best minimum v_x {run.best.trained.fitness:.3f} m/s over 12 episodes)'
+    )
+    command = (
+        'evolve --shape 11,11-10 --architecture U-D --neuron-model mlp --terrain flat,uphill-10 '
+        '--faults none --faults faults.yaml --faults delay=1 --starts 1 --score minimum '
+        '--episodes 60 --population 4 --duration 0.5 --transient 0.1 --workers 1 --run b'
+    )
+    assert cli.main([*command.split(), '--json', 'b.json']) == 0
+    out, err = capsys.readouterr()
+    assert '11, 11-10 on flat, uphill-10, faults none; loss=0.3,seed=4; delay=1, starts 1' in err
+    assert 'starts 1 to 1, minimum of 12 episodes per candidate, U-D mlp' in err
+    assert 'minimum v_x ' in out
+    assert ', over 12 episodes each (chosen by pymunk), 60 episodes\n' in out
+    for name in ('history.csv', 'config.yaml', 'best.npz'):
+        assert (tmp_path / 'a' / name).read_bytes() == (tmp_path / 'b' / name).read_bytes()
+    found = json.loads((tmp_path / 'b.json').read_text())
+    assert (found['score'], found['episodes'], found['episodes_of_score']) == ('minimum', 60, 12)
+
+
+def test_the_former_name_of_the_budget_still_works(tmp_path, capsys):
+    call = {'shape': '11', 'neuron_model': 'mlp', **TINY}
+    run = snca.evolve(**call, run=tmp_path / 'a')
+    del call['episodes']
+    with pytest.warns(DeprecationWarning, match='evaluations is now episodes'):
+        again = snca.evolve(**call, evaluations=10, run=tmp_path / 'a', resume=True)
+    np.testing.assert_array_equal(again.history, run.history)
+    with (
+        pytest.warns(DeprecationWarning, match='episodes'),
+        pytest.raises(snca.InvalidInput, match='alone'),
+    ):
+        snca.evolve(**call, evaluations=10, episodes=10, run=tmp_path / 'b')
+    command = ['evolve', '--shape', 'bipd', '--evaluations', '10']
+    assert cli.main(command) == 2
+    err = capsys.readouterr().err
+    assert 'snca evolve: warning: --evaluations is now --episodes\n' in err
 
 
 def test_an_interrupted_run_goes_on(tmp_path):
@@ -323,7 +374,7 @@ def test_all_options_of_the_command_are_arguments():
 @pytest.mark.parametrize(('call', 'text'), [
     ({'shape': 'tripot'}, "did you mean 'tripod'"),
     ({'neuron_model': 'snn-x'}, 'neuron_model'),
-    ({'evaluations': 0}, 'evaluations: got 0'),
+    ({'episodes': 0}, 'episodes: got 0'),
     ({'workers': 0}, 'workers: got 0, expected an integer from 1'),
     ({'strategy': 'cmaes'}, 'strategy'),
 ])

@@ -19,7 +19,7 @@ from snca_ros.commands import COMMANDS, load_command
 from snca_ros.evolution.tasks import TASKS
 
 BUDGET = [  # what the test runs instead of what a person does
-    ('evaluations=3000', 'evaluations=8, population=4, duration=1.0, transient=0.5'),
+    ('episodes=3000', 'episodes=8, population=4, duration=1.0, transient=0.5'),
 ]
 EXPECTED = re.compile(r'(.+?)\s+# -> (.+)')
 """A line that tells what its expression is."""

@@ -145,7 +145,7 @@ def test_evolution_says_so_and_its_files_keep_it(here, tmp_path, capsys, monkeyp
     monkeypatch.setattr(terrain, 'LENGTH', 20.3 + terrain.WALL_WIDTH)  # 0.3 m ahead of the robot
     run = tmp_path / 'run'
     arguments = ['--shape', 'worm-3x1', '--duration', '1', '--transient', '0.1',
-                 '--evaluations', '12', '--population', '4']
+                 '--episodes', '12', '--population', '4']
     assert main(['evolve', *arguments, '--run', str(run)]) == 0
     trained = load_controller(run / 'best.npz')
     assert trained.wall_time is not None

@@ -49,7 +49,7 @@ def evaluations_in(folder: Path) -> int:
 
 
 def freeze_midway(process: subprocess.Popen, folder: Path) -> int:
-    """Stop (SIGSTOP) the command after its second generation; return the evaluations done."""
+    """Stop (SIGSTOP) the command after its second generation; return the episodes done."""
 
     def is_midway() -> bool:
         assert process.poll() is None, process.communicate()[1]
@@ -122,9 +122,9 @@ class Here:
         assert list(self.folder.iterdir()) == []
 
 
-def stopped_after(evaluations):
-    """Return a `report` for `evolve` that interrupts the run after some evaluations."""
+def stopped_after(episodes):
+    """Return a `report` for `evolve` that interrupts the run after some episodes."""
     def stop(progress):
-        if progress.evaluations >= evaluations:
+        if progress.episodes >= episodes:
             raise KeyboardInterrupt
     return stop

@@ -16,24 +16,24 @@ PAPER_TYPES = (('U-nD', 'snn-h'), ('U-D', 'mlp'), ('nU-D', 'mlp'))
 
 
 def made_up_run(
-    shape='biped', architecture='U-nD', neuron_model='snn-h', seed=0, evaluations=30_000,
+    shape='biped', architecture='U-nD', neuron_model='snn-h', seed=0, episodes=30_000,
     as_printed=False, engine='batched', physics='reference', **settings,
 ) -> RunConfig:
     """Return a run; `settings` are those of `RunConfig`."""
     cell = Architecture.named(architecture, neuron_model, as_printed=as_printed)
     return RunConfig(
-        shape, cell, seed=seed, evaluations=evaluations, engine=engine,
+        shape, cell, seed=seed, episodes=episodes, engine=engine,
         solver=Solver(physics=physics), **settings,
     )
 
 
 def made_up_row(
-    shape='biped', architecture='U-nD', neuron_model='snn-h', seed=0, evaluations=30_000,
+    shape='biped', architecture='U-nD', neuron_model='snn-h', seed=0, episodes=30_000,
     as_printed=False, engine='batched', settings=None, **numbers,
 ) -> dict[str, str]:
     """Return a row of results.csv: more `settings` of the run, `numbers` for made-up ones."""
     config = made_up_run(
-        shape, architecture, neuron_model, seed, evaluations, as_printed, engine, **settings or {}
+        shape, architecture, neuron_model, seed, episodes, as_printed, engine, **settings or {}
     )
     rng = np.random.default_rng([seed, *f'{shape} {architecture} {neuron_model}'.encode()])
     v_x = float(rng.uniform(2.0, 9.0))
@@ -59,7 +59,7 @@ def first_row(*of_run, settings=None, chosen_by='pymunk', **numbers) -> dict[str
     row = {
         'run': config.name, 'shape': config.shape, 'architecture': cell.name,
         'neuron_model': cell.neuron_model, 'as_printed': str(cell.as_printed).lower(),
-        'seed': config.seed, 'engine': config.engine, 'n_evaluations': config.evaluations,
+        'seed': config.seed, 'engine': config.engine, 'n_evaluations': config.episodes,
         'v_x': 5.0, 'chosen_by': chosen_by, 'v_x_pymunk': 5.0, 'v_x_batched': 6.0,
         'v_x_unseen': 3.0, **{name: i for i, name in enumerate(TERRAIN_SETS['seed-0'])},
         'starts': 20, 'v_x_starts_mean': 4.0, 'v_x_starts_std': 0.5, 'frequency': 2.5, **numbers,
@@ -75,12 +75,12 @@ def write_results(folder: Path, rows: list[dict[str, str]]) -> Path:
         writer.writeheader()
         writer.writerows(rows)
     for row in rows:
-        end = int(row['evaluations'] if 'evaluations' in row else row['n_evaluations'])
+        end = int(row['episodes'] if 'episodes' in row else row['n_evaluations'])
         v_x = max(float(row['v_x_end'] if 'v_x_end' in row else row['v_x_batched']), 0.0)
         seed = int(row['seed'])
         points = [(36, 0.1 * v_x), (71 + 35 * seed, 0.6 * v_x), (end // 2, 0.9 * v_x), (end, v_x)]
         lines = [f'{n},{v!r}' for n, v in points]
-        text = '\n'.join(['evaluations,best_so_far', *lines, ''])
+        text = '\n'.join(['episodes,best_so_far', *lines, ''])
         (folder / 'histories' / f'{row["run"]}.csv').write_text(text)
     return folder
 

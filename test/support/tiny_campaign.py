@@ -17,7 +17,7 @@ from snca_ros.evolution.workers import IN_PROCESS
 ROOT = Path(snca_ros.__file__).parents[1]
 
 TINY = {
-    'evaluations': 40, 'population': 8, 'duration': 1, 'transient': 0.2, 'shape': 'worm-3x1',
+    'episodes': 40, 'population': 8, 'duration': 1, 'transient': 0.2, 'shape': 'worm-3x1',
     'seed': [0, 1], 'neuron_model': 'mlp',
     'cases': [{'architecture': 'U-D'}, {'architecture': 'nU-nD', 'engine': 'pymunk'}],
 }

@@ -48,6 +48,11 @@ class Strategy(Protocol):
         """
 
 
+def keep_best(strategy: Strategy, fitness: float) -> None:
+    """Give the best individual of a strategy another fitness, with which it meets the next ones."""
+    strategy.fitness = np.array([fitness, *strategy.fitness[1:]])
+
+
 def best_first(
     before: Strategy, candidates: np.ndarray, fitness: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:

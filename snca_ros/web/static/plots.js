@@ -85,16 +85,16 @@ class Plot {
   }
 }
 
-// The history of a run of evolution: its scores over evaluations; `label` is quantity and unit.
-function drawHistory(parent, { evaluations, best_so_far: soFar, best, median }, label) {
+// The history of a run of evolution: its scores over episodes; `label` is quantity and unit.
+function drawHistory(parent, { episodes, best_so_far: soFar, best, median }, label) {
   const chart = new uPlot({
     width: 300, height: 200, scales: { x: { time: false } }, cursor: { y: false },
-    axes: [axis('evaluations', 30), axis(label, 44)],
+    axes: [axis('episodes', 30), axis(label, 44)],
     series: [
-      { label: 'evaluations' }, line('best so far', 'accent', 2), line('best', 'ink', 1),
+      { label: 'episodes' }, line('best so far', 'accent', 2), line('best', 'ink', 1),
       line('median', 'faint', 1.5),
     ],
-  }, [evaluations, soFar, best, median], parent);
+  }, [episodes, soFar, best, median], parent);
   const fit = () => chart.setSize({ width: Math.max(parent.clientWidth, 200), height: 200 });
   new ResizeObserver(fit).observe(parent);
   return chart;

@@ -20,7 +20,7 @@ runs = st.builds(
     architecture=st.sampled_from(['U-nD', 'U-D', 'nU-D', 'nU-nD']),
     neuron_model=st.sampled_from(['mlp', 'snn', 'snn-h']),
     seed=st.integers(0, 10**6),
-    evaluations=st.integers(1, 10**9),
+    episodes=st.integers(1, 10**9),
     as_printed=st.booleans(),
     engine=st.sampled_from(['pymunk', 'batched']),
     physics=st.just('first'),
@@ -39,7 +39,7 @@ def row_of(config, **numbers):
     return {
         **like, 'run': config.name, 'shape': config.shape, 'architecture': cell.name,
         'neuron_model': cell.neuron_model, 'as_printed': str(cell.as_printed).lower(),
-        'seed': str(config.seed), 'engine': config.engine, 'n_evaluations': str(config.evaluations),
+        'seed': str(config.seed), 'engine': config.engine, 'n_evaluations': str(config.episodes),
     }
 
 

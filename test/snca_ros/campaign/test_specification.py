@@ -42,7 +42,7 @@ def test_the_papers_main_campaign():
     assert cases == {(s, *kind) for s in ('biped', 'comb', 'worm') for kind in kinds}
     assert len(runs) == 90
     assert [run.seed for run in runs] == [seed for seed in range(10) for _ in range(9)]
-    assert {(run.evaluations, run.engine, run.terrain, run.solver) for run in runs} == {
+    assert {(run.episodes, run.engine, run.terrain, run.solver) for run in runs} == {
         (30_000, 'batched', 'flat', Solver(physics='reference'))
     }
     assert runs[0] == RunConfig('biped', Architecture.named('U-nD', 'snn-h'), engine='batched')
@@ -77,6 +77,53 @@ def test_results_of_the_first_physics_are_those_of_campaigns_that_name_it():
         assert old == [replace(run, solver=Solver(physics='first')) for run in new]
 
 
+def config_of(row):
+    """Return the configuration of a row of results.csv, by its columns of settings alone."""
+    hidden = () if row['hidden'] == '0' else tuple(map(int, row['hidden'].split('x')))
+    cell = Architecture.named(
+        row['architecture'], row['neuron_model'], n_c=int(row['n_c']), hidden=hidden,
+        as_printed=row['as_printed'] == 'true',
+    )
+    solver = Solver(
+        int(row['substeps']), int(row['iterations']), row['self_collision'] == 'true',
+        row['physics'],
+    )
+    numbers = {name: float(row[name]) for name in ('sigma', 'duration', 'transient')}
+    whole = {name: int(row[name]) for name in ('episodes', 'seed', 'population', 'draw')}
+    texts = {name: row[name] for name in ('terrain', 'strategy', 'engine', 'score')}
+    return RunConfig(
+        row['shape'], cell, solver=solver, **numbers, **whole, **texts,
+        starts=int(row['evolution_starts']), faults='' if row['faults'] == 'none' else row['faults']
+    )
+
+
+@pytest.mark.parametrize('table', sorted((ROOT / 'results').rglob('results.csv')), ids=str)
+def test_the_runs_of_committed_results_have_their_names(table):
+    rows = read_rows(table)
+    assert rows
+    for row in rows:
+        assert config_of(row).name == row['run']
+
+
+def test_a_text_of_several_is_one_run_and_a_list_is_several(tmp_path):
+    runs = runs_of(tmp_path, {
+        **GOOD, 'shape': ['worm, comb', 'worm'], 'terrain': 'flat,uphill-10', 'starts': 2,
+        'faults': ['none', 'none; loss=0.3'], 'score': 'minimum', 'evaluations': 500,
+    })
+    told = {(run.shape, run.faults, run.episode_set.n_episodes, run.episodes) for run in runs}
+    assert told == {
+        ('worm,comb', '', 8, 500), ('worm,comb', 'none;loss=0.3', 16, 500),
+        ('worm', '', 4, 500), ('worm', 'none;loss=0.3', 8, 500),
+    }
+    drawn, = runs_of(tmp_path, {**GOOD, 'draw': 4, 'faults': 'loss=0..0.5', 'episodes': 500})
+    assert drawn == RunConfig.named(
+        'worm', 'U-D', 'mlp', draw=4, faults='loss=0..0.5', episodes=500
+    )
+    assert drawn.name == 'worm-U-D-mlp-flat-faults-loss=0..0.5-draw4-reference-episodes500-seed0'
+    for run in [*runs, drawn]:
+        assert config_of(settings_of(run)) == run
+
+
 def test_the_small_campaign_asks_the_same_question():
     runs = read_campaign(EXPERIMENTS / 'small.yaml')
     assert len(runs) == 6
@@ -87,7 +134,7 @@ def test_the_small_campaign_asks_the_same_question():
 
 def test_cases_are_products_of_their_lists_and_the_shared_ones(tmp_path):
     runs = runs_of(tmp_path, {
-        'seed': [0, 1], 'shape': ['worm', 'comb'], 'neuron_model': 'mlp', 'evaluations': 50,
+        'seed': [0, 1], 'shape': ['worm', 'comb'], 'neuron_model': 'mlp', 'episodes': 50,
         'cases': [
             {'architecture': ['U-D', 'nU-D']},
             {'architecture': 'U-D', 'seed': [1, 2], 'as_printed': True, 'shape': 'worm'},
@@ -99,7 +146,7 @@ def test_cases_are_products_of_their_lists_and_the_shared_ones(tmp_path):
     assert len(told) == len(set(told)) == 2 * 2 * 2 + 2
     assert ('worm', 'U-D', True, 2) in told
     assert ('comb', 'nU-D', False, 1) in told
-    assert {run.evaluations for run in runs} == {50}
+    assert {run.episodes for run in runs} == {50}
 
 
 @pytest.mark.parametrize(
@@ -118,8 +165,10 @@ def test_cases_are_products_of_their_lists_and_the_shared_ones(tmp_path):
         ('', ['campaign', 'keys and values']),
         ('shape: worm\nseed: 1\nseed: 2', ['seed', 'lines 2 and 3']),
         ({**GOOD, 'shape': ''}, ['morphology', "''"]),
+        ({**GOOD, 'shape': 'worm,comb', 'architecture': 'nU-D'}, ['shape', 'uniform']),
+        ({**GOOD, 'episodes': 9, 'evaluations': 9}, ['evaluations', 'episodes alone']),
         (f'{SHORT}, seed: 0100}}', ['seed', "'0100'"]),
-        (f'{SHORT}, evaluations: 1_000}}', ['evaluations', "'1_000'"]),
+        (f'{SHORT}, episodes: 1_000}}', ['episodes', "'1_000'"]),
         (f'{SHORT}, shape: 0111-11}}', ['lines 1']),
         ({**GOOD, 'seed': 2**32}, ['seed', '4294967296']),
     ],
@@ -159,10 +208,11 @@ def test_any_value_is_taken_or_refused(tmp_path_factory, key, value):
 def test_every_setting_is_in_a_runs_name():
     plain = RunConfig('worm', Architecture.named('U-D', 'mlp'))
     others = {
-        'shape': 'comb', 'terrain': 'uphill-10', 'evaluations': 10, 'seed': 1, 'population': 8,
+        'shape': 'comb', 'terrain': 'uphill-10', 'episodes': 500, 'seed': 1, 'population': 8,
         'sigma': 0.3500001, 'duration': 20.0, 'transient': 1.0, 'engine': 'batched',
         'strategy': 'cma', 'architecture': Architecture.named('nU-D', 'mlp'),
-        'solver': Solver(physics='first'),
+        'solver': Solver(physics='first'), 'faults': 'loss=0.3', 'starts': 2, 'draw': 3,
+        'score': 'minimum',
     }
     assert others.keys() == {f.name for f in fields(RunConfig)} - {'material', 'task'}
     cells = [

@@ -128,7 +128,7 @@ def test_lanes_are_cells_one_by_one(name, hidden):
 @MODELS
 def test_it_evolves_in_both_engines_and_is_kept_in_a_file(name, tmp_path):
     cells = Architecture.named('U-nD', name)
-    config = RunConfig('biped', cells, duration=2.0, transient=0.5, evaluations=8, population=4)
+    config = RunConfig('biped', cells, duration=2.0, transient=0.5, episodes=8, population=4)
     candidates = np.random.default_rng(0).uniform(-1.0, 1.0, (4, config.n_parameters))
     for engine in ('pymunk', 'batched'):
         of_engine = RunConfig(**{**vars(config), 'engine': engine})

@@ -28,9 +28,9 @@ from sim_node.model.solver import Solver
 from sim_node.model.terrain import UNSEEN_KINDS, UNSEEN_TERRAINS
 from snca_ros import cli
 from snca_ros.assessment.trials import Trial, score
-from snca_ros.campaign.columns import COLUMNS, MAY_BE_EMPTY, settings_of
+from snca_ros.campaign.columns import COLUMNS, FORMER_COLUMNS, MAY_BE_EMPTY, settings_of
 from snca_ros.campaign.endpoints import perform
-from snca_ros.campaign.results import Results, read_rows
+from snca_ros.campaign.results import Results, read_curve, read_rows
 from snca_ros.campaign.specification import read_campaign
 from snca_ros.cell.architecture import Architecture
 from snca_ros.controller_file import load_controller
@@ -84,7 +84,7 @@ def test_every_run_has_its_row_history_and_controller(file, whole):
         config = configs[name]
         assert tuple(row) == COLUMNS
         assert {key: row[key] for key in settings_of(config)} == settings_of(config)
-        assert (row['seed'], row['evaluations'], row['duration']) == (str(config.seed), '40', '1')
+        assert (row['seed'], row['episodes'], row['duration']) == (str(config.seed), '40', '1')
         assert (row['strategy'], row['physics'], row['as_printed']) == ('es', 'reference', 'false')
         assert row['terrain_set'] == 'seeds-1-12'
         versions = package_versions()
@@ -98,6 +98,7 @@ def test_every_run_has_its_row_history_and_controller(file, whole):
 
 def test_every_setting_of_a_run_has_a_column():
     settings = {f.name for of in (RunConfig, Architecture, Solver) for f in fields(of)}
+    settings = {'evolution_starts' if name == 'starts' else name for name in settings}
     # uniform and directional are the architecture's name; campaigns refuse the others.
     others = {'material', 'task', 'sensors', 'arithmetic'}
     assert settings - {*COLUMNS} == {'uniform', 'directional', 'solver', *others}
@@ -160,13 +161,54 @@ def test_only_what_an_engine_cannot_do_is_empty(whole, tmp_path):
     for row in rows_of(whole).values():
         assert [column for column, value in row.items() if not value] == []
     config = RunConfig(
-        'worm-2x1', Architecture.named('U-D', 'mlp'), evaluations=4, population=4, duration=0.5,
+        'worm-2x1', Architecture.named('U-D', 'mlp'), episodes=4, population=4, duration=0.5,
         transient=0.1, solver=Solver(self_collision=True),
     )
     row = perform(config, tmp_path / 'run').row
     assert [column for column, value in row.items() if not value] == ['v_x_other']
     assert 'v_x_other' in MAY_BE_EMPTY
     assert row['self_collision'] == 'true'
+
+
+def test_a_run_on_drawn_sets_has_a_row_and_a_curve_that_may_fall(tmp_path):
+    config = RunConfig.named(
+        '11,11-10', 'U-D', 'mlp', terrain='flat,uphill-10', faults='none;loss=0..0.5', draw=2,
+        episodes=64 + 16 * 4, population=8, duration=1.0, transient=0.2,
+    )
+    outcome = perform(config, tmp_path / 'run')
+    row = outcome.row
+    assert {key: row[key] for key in settings_of(config)} == settings_of(config)
+    assert (row['shape'], row['faults'], row['evolution_starts'], row['draw'], row['score']) == (
+        '11,11-10', 'none;loss=0..0.5', '0', '2', 'mean'
+    )
+    best = load_controller(tmp_path / 'run' / 'best.npz')
+    assert (best.evaluations, best.n_episodes, best.morphology.name) == (128, 32, '11')
+    assert float(row['v_x_end']) == best.fitness
+    trial = Trial(best, 'flat', duration=1.0, transient=0.2)  # at home, without faults
+    assert float(row['v_x_pushed_mean']) == np.mean([speed(trial, start=i) for i in range(1, 21)])
+    robust = load_controller(tmp_path / 'run' / 'robust.npz')
+    assert robust.n_episodes == 2
+    results = Results(tmp_path / 'results')
+    results.add(outcome)
+    results.close()
+    assert read_rows(tmp_path / 'results' / 'results.csv') == [row]
+    curve = read_curve(tmp_path / 'results' / 'histories' / f'{row["run"]}.csv')
+    assert curve[:, 0].tolist() == [16.0, 32.0, 48.0, 64.0]
+    assert perform(config, tmp_path / 'run') == outcome
+
+
+def test_tables_and_histories_of_earlier_versions_are_read(whole, tmp_path):
+    shutil.copytree(whole / 'results', tmp_path / 'results')
+    present = read_rows(whole / 'results' / 'results.csv')
+    former = [[row[{'evaluations': 'episodes'}.get(name, name)] for name in FORMER_COLUMNS]
+              for row in present]
+    with (tmp_path / 'results' / 'results.csv').open('w', newline='') as file:
+        csv.writer(file).writerows([FORMER_COLUMNS, *former])
+    assert read_rows(tmp_path / 'results' / 'results.csv') == present
+    for path in (tmp_path / 'results' / 'histories').iterdir():
+        curve = read_curve(path)
+        path.write_text(path.read_text().replace('episodes,', 'evaluations,'))
+        np.testing.assert_array_equal(read_curve(path), curve)
 
 
 def test_run_that_an_earlier_version_finished_is_refused(file, whole, tmp_path):
@@ -183,15 +225,15 @@ def test_run_that_an_earlier_version_finished_is_refused(file, whole, tmp_path):
 def test_history_is_the_best_so_far_where_it_rises(whole):
     for name in rows_of(whole):
         with (whole / 'runs' / name / 'history.csv').open(newline='') as full:
-            points = [(int(r['evaluations']), r['best_so_far']) for r in csv.DictReader(full)]
+            points = [(int(r['episodes']), r['best_so_far']) for r in csv.DictReader(full)]
         with (whole / 'results' / 'histories' / f'{name}.csv').open(newline='') as thin:
-            kept = [(int(r['evaluations']), r['best_so_far']) for r in csv.DictReader(thin)]
+            kept = [(int(r['episodes']), r['best_so_far']) for r in csv.DictReader(thin)]
         assert set(kept) <= set(points)
         assert (kept[0], kept[-1]) == (points[0], points[-1])
         curve = {}
-        for evaluations, best in points:  # the step function through the kept points
-            curve[evaluations] = [b for e, b in kept if e <= evaluations][-1]
-            assert curve[evaluations] == best
+        for episodes, best in points:  # the step function through the kept points
+            curve[episodes] = [b for e, b in kept if e <= episodes][-1]
+            assert curve[episodes] == best
 
 
 def test_workers_do_not_matter(file, whole, tmp_path):
@@ -354,7 +396,7 @@ def test_scheduler_that_does_not_answer_leaves_nothing_behind(file, tmp_path, mo
         (lambda text: text[: len(text) // 2], ['results.csv:']),
         (lambda text: text + text.splitlines()[1] + '\n', ['run', 'one row per run']),
         (lambda text: text.replace(',40,0,', ',40,zero,', 1), ['seed', "'zero'", 'a whole']),
-        (lambda text: text.replace(',40,0,', ',40.5,0,', 1), ['evaluations', "'40.5'"]),
+        (lambda text: text.replace(',40,0,', ',40.5,0,', 1), ['episodes', "'40.5'"]),
         (lambda text: text.replace(',1-20,', ',1-20,x', 1), ['v_x_pushed_mean', 'a number']),
         (lambda text: text.replace(',101-120,', ',101-120,x', 1), ['v_x_robust_mean', 'a number']),
         (lambda text: text.replace(',1-20,', ',1-20,,', 1), ['values']),

@@ -118,7 +118,7 @@ def test_campaign_on_a_cluster_that_is_lost_says_how_to_go_on(
 
 def test_evolution_on_a_cluster_that_loses_a_worker(workers, scheduler, tmp_path):
     task = ['--shape', 'worm-3x1', '--duration', '1', '--transient', '0.2', '--population', '8',
-            '--evaluations', '40']
+            '--episodes', '40']
     there, here = tmp_path / 'there', tmp_path / 'here'
     assert cli.main(['evolve', *task, '--run', str(there), '--scheduler', scheduler]) == 0
     assert cli.main(['evolve', *task, '--run', str(here), '--workers', '1']) == 0

@@ -47,10 +47,10 @@ def test_study_and_history_of_a_campaign(tmp_path, capsys):
     histories = json.loads(out)
     assert len(histories) == len(list((EXAMPLE / 'histories').iterdir())) == 6
     for history in histories:
-        assert (history['quantity'], history['evaluations'], history['finished']) == (
+        assert (history['quantity'], history['episodes'], history['finished']) == (
             'v_x', 500, True
         )
         best = history['history']['best_so_far']
         assert best == sorted(best)
-        assert f'{history["run"]}: 500 evaluations, best {best[-1]:.3f} m/s\n' in err
+        assert f'{history["run"]}: 500 episodes, best {best[-1]:.3f} m/s\n' in err
     assert 'generation' not in err

@@ -21,13 +21,13 @@ from snca_ros.comparison.runs import (
 
 def test_curve_is_read_and_damage_told(tmp_path):
     path = tmp_path / 'run.csv'
-    path.write_text('evaluations,best_so_far\n36,-inf\n71,0.5\n106,0.5\n')
+    path.write_text('episodes,best_so_far\n36,-inf\n71,0.5\n106,0.5\n')
     assert read_curve(path).tolist() == [[36.0, -np.inf], [71.0, 0.5], [106.0, 0.5]]
     for text in (
-        '', 'evaluations,best\n1,2\n', 'evaluations,best_so_far\n', '\0',
-        'evaluations,best_so_far\n36,1\n71\n', 'evaluations,best_so_far\n36,1,2\n',
-        'evaluations,best_so_far\n36,x\n', 'evaluations,best_so_far\n36,1\n71,0.5\n',
-        'evaluations,best_so_far\n71,1\n36,1\n', 'evaluations,best_so_far\n36,nan\n',
+        '', 'episodes,best\n1,2\n', 'episodes,best_so_far\n', '\0',
+        'episodes,best_so_far\n36,1\n71\n', 'episodes,best_so_far\n36,1,2\n',
+        'episodes,best_so_far\n36,x\n',
+        'episodes,best_so_far\n71,1\n36,1\n', 'episodes,best_so_far\n36,nan\n',
     ):
         path.write_text(text)
         with pytest.raises(InvalidInput, match=r'run\.csv: file'):
@@ -39,8 +39,8 @@ def test_curve_is_read_and_damage_told(tmp_path):
 def test_median_curve_worked_by_hand():
     one = np.array([[2.0, 1.0], [6.0, 5.0]])
     two = np.array([[1.0, 0.0], [4.0, 3.0], [8.0, 9.0]])
-    evaluations, (low, median, high) = median_curve([one, two])
-    assert evaluations.tolist() == [2.0, 4.0, 6.0]  # where both have been and neither has ended
+    episodes, (low, median, high) = median_curve([one, two])
+    assert episodes.tolist() == [2.0, 4.0, 6.0]  # where both have been and neither has ended
     assert median.tolist() == [0.5, 2.0, 4.0]
     assert low.tolist() == [0.25, 1.5, 3.5]
     assert high.tolist() == [0.75, 2.5, 4.5]
@@ -51,8 +51,8 @@ def test_median_curve_never_falls(runs):
     curves = [
         np.array([sorted(n for n, _ in run), sorted(v for _, v in run)], float).T for run in runs
     ]
-    evaluations, found = median_curve(curves)
-    assert found.shape == (3, len(evaluations))
+    episodes, found = median_curve(curves)
+    assert found.shape == (3, len(episodes))
     assert (np.diff(found, axis=1) >= -1e-12).all()
     assert (np.diff(found, axis=0) >= -1e-12).all()
 

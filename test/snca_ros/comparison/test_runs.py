@@ -74,7 +74,7 @@ def test_equal_seeds_and_budgets_give_no_warning(tmp_path):
     ('more', 'words'),
     [
         (made_up_row(neuron_model='snn'), 'U-nD SNN: 1 seed, too few'),
-        (made_up_row(seed=3, evaluations=500), 'unequal budgets'),
+        (made_up_row(seed=3, episodes=500), 'unequal budgets'),
         (made_up_row(seed=3, v_x_unseen=-np.inf), 'U-nD SNN-H: 1 of 4 runs diverged'),
     ],
 )
@@ -86,10 +86,10 @@ def test_what_may_mislead_is_told(tmp_path, more, words):
 
 def test_unequal_budgets_are_told_with_their_numbers(tmp_path):
     rows = [made_up_row(seed=s) for s in range(3)]
-    rows += [made_up_row('biped', 'U-D', 'mlp', s, evaluations=500 + 36 * s) for s in range(3)]
+    rows += [made_up_row('biped', 'U-D', 'mlp', s, episodes=500 + 36 * s) for s in range(3)]
     assert warnings(cases_of(tmp_path, *rows)) == [
-        'biped: unequal budgets: 3 seeds × 30,000 evaluations of U-nD SNN-H; '
-        '3 seeds × 500 to 572 evaluations of U-D MLP'
+        'biped: unequal budgets: 3 seeds × 30,000 episodes of U-nD SNN-H; '
+        '3 seeds × 500 to 572 episodes of U-D MLP'
     ]
 
 

@@ -131,6 +131,28 @@ def test_wrong_value_is_named(path, header, field):
         assert ('theta' if of_size else words[0]) in named, f'{field} = {value!r}'
 
 
+SET = {'shape': '11', 'terrain': 'flat', 'faults': 'none', 'starts': 0, 'draw': 8,
+       'score': 'mean', 'scored': 32}
+
+
+@pytest.mark.parametrize(('name', 'values'), {
+    'shape': [None, 3, [], 'bipd', '11,101'], 'terrain': [None, 3, 'hily-1-10-0'],
+    'faults': [None, 3, 'los=1', 'x.yaml'], 'starts': [None, -1, True, 1.5],
+    'draw': [None, -1, '8'], 'score': [None, 'median', 3], 'scored': [None, 0, -1, True, 1.5],
+}.items())
+def test_wrong_values_of_the_set_of_episodes_are_named(path, header, name, values):
+    write(path, {**header, 'fitness': 1.0, 'episode_set': SET}, THETA)
+    assert load_controller(path).n_episodes == 32
+    said = {'shape': 'morphology', 'faults': ''}.get(name, name)
+    for value in values:
+        write(path, {**header, 'fitness': 1.0, 'episode_set': {**SET, name: value}}, THETA)
+        assert said in refusal(path).split(': got ')[0]
+    of_it = {key: value for key, value in SET.items() if key != name}
+    for wrong in (of_it, {**SET, 'more': 1}, None, 3, []):
+        write(path, {**header, 'fitness': 1.0, 'episode_set': wrong}, THETA)
+        assert 'episode_set' in refusal(path)
+
+
 def test_every_field_has_its_wrong_values(header):
     nested = ('architecture', 'morphology', 'material', 'solver')
     names = {*header, *(f'{name}.{key}' for name in nested for key in header[name])}
@@ -289,7 +311,7 @@ def test_an_unknown_name_is_refused_and_imports_nothing(
         assert load_body(path).terrain == 'flat'  # the simulation does not need it
 
 
-def test_reading_a_controller_loads_tasks_but_no_evolution(path, header):
+def test_reading_a_controller_loads_tasks_and_sets_but_no_evolution(path, header):
     write(path, header, THETA)
     program = (
         'import sys; from snca_ros.nodes import own_part\n'
@@ -302,9 +324,9 @@ def test_reading_a_controller_loads_tasks_but_no_evolution(path, header):
         [sys.executable, '-c', program], check=True, capture_output=True, text=True, timeout=LIMIT,
         env={**os.environ, 'PYTHONPATH': str(ROOT)},
     ).stdout.strip()
-    parts = '', '.climb', '.economy', '.jump', '.task', '.walk'
-    tasks = [f'snca_ros.evolution.tasks{part}' for part in parts]
-    assert found == f'{tasks} False'
+    names = ('conditions', 'episode_set', 'fault_ranges', 'tasks', 'tasks.climb', 'tasks.economy',
+             'tasks.jump', 'tasks.task', 'tasks.walk')
+    assert found == f'{[f"snca_ros.evolution.{name}" for name in names]} False'
 
 
 def test_sensors_in_another_order_are_those_of_cells_and_body(path, header):

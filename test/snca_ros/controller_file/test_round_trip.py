@@ -22,6 +22,7 @@ from sim_node.model.morphology import parse_morphology
 from sim_node.model.solver import Solver
 from snca_ros.cell.architecture import Architecture
 from snca_ros.controller_file import TrainedController, load_controller, save_controller
+from snca_ros.evolution.episode_set import EpisodeSet
 from snca_ros.versions import code_version
 
 NINE = [(name, model) for name in ('U-nD', 'U-D', 'nU-D') for model in ('mlp', 'snn', 'snn-h')]
@@ -48,6 +49,24 @@ def test_every_fitness_is_kept(path, fitness):
     save_controller(path, make(fitness=fitness))
     again = load_controller(str(path)).fitness
     assert np.float64(again).tobytes() == np.float64(fitness).tobytes()
+
+
+def test_the_set_of_episodes_is_kept(path):
+    episodes = EpisodeSet('11,worm', 'flat,uphill-10', 'loss=0..0.5;none', draw=8, score='minimum')
+    trained = make(fitness=6.1, episode_set=episodes, n_episodes=32)
+    save_controller(path, trained)
+    assert_same(trained, load_controller(path))
+    assert trained.achieved == 'minimum v_x 6.100 m/s over 32 episodes'
+    assert 'minimum v_x 6.100 m/s over 32 episodes' in repr(trained)
+    one = make(fitness=6.1, episode_set=EpisodeSet(starts=1))
+    assert one.achieved == 'mean v_x 6.100 m/s over 1 episode'
+
+
+def test_a_file_of_one_plain_episode_does_not_mention_sets(path):
+    save_controller(path, make(fitness=6.1))
+    with np.load(path, allow_pickle=False) as data:
+        assert 'episode_set' not in data['header'].item()
+    assert make(fitness=6.1).achieved == 'v_x 6.100 m/s'
 
 
 def test_versions_are_told(path):

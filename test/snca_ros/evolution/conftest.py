@@ -43,7 +43,7 @@ def start(tmp_path):
 def whole(tmp_path_factory) -> Path:
     """Return the folder of a run that nobody stopped, one worker."""
     folder = tmp_path_factory.mktemp('whole') / 'a' / 'run'
-    run = evolve(*TASK, '--evaluations', EVALUATIONS, '--workers', 1, '--run', folder)
+    run = evolve(*TASK, '--episodes', EVALUATIONS, '--workers', 1, '--run', folder)
     assert run.returncode == 0, run.stderr
     assert str(folder / 'best.npz') in run.stdout
     assert 'Traceback' not in run.stderr

@@ -119,14 +119,14 @@ def test_config_edited_under_its_checkpoint_is_refused(begun):
     path = begun / 'config.yaml'
     values = yaml.safe_load(path.read_text())
     for key, other in (('shape', 'worm-6x1'), ('seed', 4), ('terrain', 'uphill-10'),
-                       ('evaluations', 1000), ('solver', {**values['solver'], 'substeps': 2})):
+                       ('episodes', 1000), ('solver', {**values['solver'], 'substeps': 2})):
         path.write_text(yaml.safe_dump({**values, key: other}))
         before = contents_of(begun)
         with pytest.raises(InvalidInput, match=rf'config\.yaml: {key}: got .* the run began$'):
             load(begun)
         assert contents_of(begun) == before
     path.write_text(f'# a comment\n{yaml.safe_dump(values)}')  # the same settings
-    assert load(begun).evaluations == EVALUATIONS
+    assert load(begun).episodes == EVALUATIONS
 
 
 def test_checkpoint_of_an_earlier_version_has_no_config(begun):
@@ -135,4 +135,4 @@ def test_checkpoint_of_an_earlier_version_has_no_config(begun):
     assert 'config' in arrays
     del arrays['config']
     np.savez(path, **arrays)
-    assert load(begun).evaluations == EVALUATIONS
+    assert load(begun).episodes == EVALUATIONS

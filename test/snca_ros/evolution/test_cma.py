@@ -104,7 +104,7 @@ def test_state_of_another_history_is_refused():
 
 CONFIG = RunConfig(
     'worm-3x1', Architecture.named('U-D', 'mlp'), engine='batched', strategy='cma',
-    evaluations=37, population=8, duration=1.0, transient=0.2,
+    episodes=37, population=8, duration=1.0, transient=0.2,
 )
 
 
@@ -117,9 +117,9 @@ def test_stopped_run_goes_on_to_the_same_end(tmp_path):
     assert (individuals.shape, len(fitness)) == ((8, CONFIG.n_parameters), 8)
     assert fitness[0] == progress.history[3][-1]
     folder = RunFolder.create(tmp_path / 'run', CONFIG)
-    for evaluations in (8, 24, 32):
+    for episodes in (8, 24, 32):
         with pytest.raises(KeyboardInterrupt):
-            evolve(folder, IN_PROCESS, stopped_after(evaluations))
+            evolve(folder, IN_PROCESS, stopped_after(episodes))
         folder.close()
         folder = RunFolder.resume(tmp_path / 'run')
     evolve(folder, IN_PROCESS)

@@ -66,7 +66,7 @@ def test_config_that_is_a_folder(begun, here):
 WRONG = {
     'shape': [None, 11111, ['worm'], 'bipd'],
     'terrain': [None, 3, 'hily-1-10-0'],
-    'evaluations': [None, 0, 1.5, True, '10', 10**400],
+    'episodes': [None, 0, 1.5, True, '10', 10**400],
     'seed': [None, -1, 1.5, True, 2**32],
     'population': [None, 3, 36.0, False],
     'sigma': [None, 0, -1, float('nan'), 'x', True, 10**400],
@@ -80,10 +80,14 @@ WRONG = {
         None, 3, [], {}, {**GOOD['architecture'], 'n_c': 0}, {**GOOD['architecture'], 'x': 1},
         {**GOOD['architecture'], 'neuron_model': 'snn_h'},
     ],
+    'faults': [None, 3, ['loss=0.3'], 'los=0.3', 'loss=1.5', 'loss=0..0.5', 'x.yaml', 'none;'],
+    'starts': [None, -1, True, 10_001, '5'],
+    'draw': [None, -1, 1.5, 10_001],
+    'score': [None, 3, 'median', 'quantile-1.5', 'quantile-'],
     'other': [None, 1],
     3: [None],
 }
-_SAID = {'shape': 'morphology'}
+_SAID = {'shape': 'morphology', 'faults': 'loss'}
 _INNER = {'gravity', 'gravty', 'substeps', 'nothing', 'n_c', 'x', 'neuron_model'}
 
 
@@ -164,8 +168,14 @@ def test_config_that_was_cut_is_refused(tmp_path):
         path.write_text(text[:end])
         with pytest.raises(InvalidInput, match=r'config\.yaml: '):
             RunConfig.from_yaml(path)
-    path.write_text(text.removeprefix('task: walk\n'))  # as earlier versions wrote it
+    later = "task: walk\nfaults: ''\nstarts: 0\ndraw: 0\nscore: mean\n"
+    assert text.startswith(later)
+    former = text.removeprefix(later).replace('episodes: 30000', 'evaluations: 30000')
+    path.write_text(former)  # as earlier versions wrote it
     assert RunConfig.from_yaml(path) == RunConfig.named()
+    path.write_text(f'{text}evaluations: 30000\n')
+    with pytest.raises(InvalidInput, match='evaluations: got 30000, expected episodes alone'):
+        RunConfig.from_yaml(path)
 
 
 def test_numbers_and_texts_of_numpy_are_written_as_those_of_python():

@@ -23,7 +23,7 @@ from snca_ros.evolution.workers import IN_PROCESS, local_workers
 
 CONFIG = RunConfig(
     'worm-3x1', Architecture.named('U-D', 'mlp'), engine='batched',
-    evaluations=20, population=8, duration=1.0, transient=0.2,
+    episodes=20, population=8, duration=1.0, transient=0.2,
 )
 
 
@@ -64,7 +64,7 @@ def test_best_is_that_of_the_runs_engine_and_walks_once_in_the_other(whole, tmp_
     path, progress = whole
     if engine == 'pymunk':
         path = tmp_path / 'run'
-        progress = run(path, 1, replace(CONFIG, engine=engine, evaluations=9))
+        progress = run(path, 1, replace(CONFIG, engine=engine, episodes=9))
     trained = load_controller(path / 'best.npz')
     best = progress.strategy['individuals'][:1]
     assert trained.parameters.tolist() == best[0].tolist()
@@ -92,11 +92,11 @@ def test_last_whole_population_outlives_a_generation_that_the_budget_cuts(whole)
     assert_same(RunFolder.resume(path).load().population, progress.population)
 
 
-@pytest.mark.parametrize(('evaluations', 'n'), [(5, 5), (8, 8), (15, 8)])
+@pytest.mark.parametrize(('episodes', 'n'), [(5, 5), (8, 8), (15, 8)])
 def test_a_budget_that_cuts_no_later_generation_has_its_population_in_the_strategy(
-    tmp_path, evaluations, n
+    tmp_path, episodes, n
 ):
-    progress = run(tmp_path / 'run', 1, replace(CONFIG, evaluations=evaluations))
+    progress = run(tmp_path / 'run', 1, replace(CONFIG, episodes=episodes))
     assert progress.whole is None
     assert_same(progress.population, (
         progress.strategy['individuals'], progress.strategy['fitness']
@@ -163,7 +163,7 @@ def test_a_run_that_an_earlier_version_began_ends_by_todays_rules(whole, tmp_pat
 
 
 def stop(progress):
-    if progress.evaluations > 8:
+    if progress.episodes > 8:
         raise KeyboardInterrupt
 
 
@@ -198,7 +198,7 @@ def test_a_run_killed_before_the_other_engine_goes_on_to_the_same_end(whole, tmp
 
 def test_a_run_that_the_other_engine_cannot_do_has_one_speed(tmp_path):
     config = replace(
-        CONFIG, engine='pymunk', evaluations=8, solver=Solver(self_collision=True)
+        CONFIG, engine='pymunk', episodes=8, solver=Solver(self_collision=True)
     )
     progress = run(tmp_path / 'run', 1, config)
     trained = load_controller(tmp_path / 'run' / 'best.npz')

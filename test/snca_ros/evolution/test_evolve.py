@@ -17,7 +17,7 @@ def test_run_folder_holds_what_it_should(whole):
     assert {p.name for p in whole.iterdir()} - {'.lock'} == FILES
     config = RunConfig.from_yaml(whole / 'config.yaml')
     assert config == RunConfig(
-        'worm', Architecture.named('U-nD', 'snn-h'), evaluations=EVALUATIONS, seed=3,
+        'worm', Architecture.named('U-nD', 'snn-h'), episodes=EVALUATIONS, seed=3,
         population=8, duration=1.0, transient=0.2,
     )
     values = yaml.safe_load((whole / 'config.yaml').read_text())
@@ -28,7 +28,7 @@ def test_history_has_a_row_a_generation_and_spends_the_evaluations_exactly(whole
     rows = history_of(whole)
     assert tuple(rows[0]) == HISTORY
     assert [int(row['generation']) for row in rows] == list(range(29))
-    spent = [int(row['evaluations']) for row in rows]
+    spent = [int(row['episodes']) for row in rows]
     assert spent == [*range(8, 198, 7), EVALUATIONS]
     best = -np.inf
     for row in rows:
@@ -67,29 +67,29 @@ def test_checkpoint_is_the_best_first(whole):
 
 def test_number_of_workers_does_not_matter(whole, tmp_path):
     folder = tmp_path / 'run'
-    run = evolve(*TASK, '--evaluations', EVALUATIONS, '--workers', 2, '--run', folder)
+    run = evolve(*TASK, '--episodes', EVALUATIONS, '--workers', 2, '--run', folder)
     assert run.returncode == 0, run.stderr
     assert_same_run(whole, folder)
 
 
-@pytest.mark.parametrize('evaluations', [3, 8])
-def test_budget_within_the_first_generation_and_default_folder(whole, tmp_path, evaluations):
-    run = evolve(*TASK, '--evaluations', evaluations, '--workers', 1, cwd=tmp_path)
+@pytest.mark.parametrize('episodes', [3, 8])
+def test_budget_within_the_first_generation_and_default_folder(whole, tmp_path, episodes):
+    run = evolve(*TASK, '--episodes', episodes, '--workers', 1, cwd=tmp_path)
     assert run.returncode == 0, run.stderr
-    settings = f'evaluations{evaluations}-population8-duration1-transient0.2'
+    settings = f'evaluations{episodes}-population8-duration1-transient0.2'
     name = f'worm-U-nD-snn-h-flat-reference-{settings}-seed3'
     folder = tmp_path / 'runs' / name
     assert {p.name for p in folder.iterdir()} - {'.lock'} == FILES
     rows = history_of(folder)
-    assert [int(row['evaluations']) for row in rows] == [evaluations]
-    if evaluations == 8:
+    assert [int(row['episodes']) for row in rows] == [episodes]
+    if episodes == 8:
         assert rows[0] == history_of(whole)[0]
 
 
 def test_diverging_physics_is_survived(tmp_path):
     folder = tmp_path / 'run'
     folder.mkdir()
-    config = RunConfig('worm-2x1', Architecture.named('U-D', 'mlp'), evaluations=7, population=4)
+    config = RunConfig('worm-2x1', Architecture.named('U-D', 'mlp'), episodes=7, population=4)
     values = yaml.safe_load(config.to_yaml())
     values |= {'duration': 5.1, 'material': {'frequency': 30.0, 'damping_ratio': 0.0}}
     values['solver']['physics'] = 'first'
@@ -99,6 +99,6 @@ def test_diverging_physics_is_survived(tmp_path):
     assert 'Traceback' not in run.stderr
     assert 'Warning' not in run.stderr
     rows = history_of(folder)
-    assert [int(row['evaluations']) for row in rows] == [4, 7]
+    assert [int(row['episodes']) for row in rows] == [4, 7]
     assert {row['best_so_far'] for row in rows} == {'-inf'}
     assert load_controller(folder / 'best.npz').fitness == -np.inf

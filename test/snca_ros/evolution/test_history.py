@@ -23,7 +23,7 @@ from snca_ros.evolution.history import describe, read_history
 from snca_ros.evolution.workers import IN_PROCESS
 
 CONFIG = RunConfig(
-    '11', Architecture.named('U-D', 'mlp'), evaluations=10, population=4, duration=0.2,
+    '11', Architecture.named('U-D', 'mlp'), episodes=10, population=4, duration=0.2,
     transient=0.0,
 )
 
@@ -47,14 +47,14 @@ def go_on(path, generations):
 def test_a_run_folder_and_its_file_are_told(tmp_path, capsys):
     go_on(tmp_path / 'run', 2)
     history = read_history(tmp_path / 'run')
-    assert (history.evaluations, history.total, history.finished) == (7, 10, False)
+    assert (history.episodes, history.total, history.finished) == (7, 10, False)
     assert history.rows.shape == (2, len(HISTORY))
     best = history.rows[-1, -1]
     assert best == history.rows[:, 2].max()
     assert main(['history', str(tmp_path / 'run'), str(tmp_path / 'run' / 'history.csv')]) == 0
     told = capsys.readouterr().out
-    assert f'run: 7 of 10 evaluations, best {best:.3f} m/s' in told
-    assert f'history.csv: 7 evaluations, best {best:.3f} m/s' in told
+    assert f'run: 7 of 10 episodes, best {best:.3f} m/s' in told
+    assert f'history.csv: 7 episodes, best {best:.3f} m/s' in told
     assert 'generation 1: ' in told
 
 
@@ -76,10 +76,10 @@ def test_watching_draws_every_generation_until_the_end(tmp_path, monkeypatch, ca
 
     monkeypatch.setattr('snca_ros.commands.history.time.sleep', a_second)
     assert main(['history', str(run), '--watch', '--figure', str(figure)]) == 0
-    assert len(drawn) == 3  # of 4, 3 and 3 evaluations
+    assert len(drawn) == 3  # of 4, 3 and 3 episodes
     assert len({*drawn, figure.read_bytes()}) == 4
     told = capsys.readouterr().out
-    assert told.startswith(f'{run}: 10 of 10 evaluations')  # no terminal: the end alone
+    assert told.startswith(f'{run}: 10 of 10 episodes')  # no terminal: the end alone
     assert '\x1b' not in told
 
 
@@ -113,7 +113,7 @@ def test_a_figure_has_best_median_and_range_of_each_run(tmp_path):
 def test_the_history_in_the_box(tmp_path, capsys):
     path = bundled_controllers()['biped-U-nD-snn-h'].with_suffix('.csv')
     assert main(['history', str(path), '--figure', str(tmp_path / 'history.png')]) == 0
-    assert '30000 evaluations, best ' in capsys.readouterr().out
+    assert '30000 episodes, best ' in capsys.readouterr().out
     with Image.open(tmp_path / 'history.png') as figure:
         assert figure.size[0] > 600
 

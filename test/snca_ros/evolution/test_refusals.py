@@ -35,7 +35,7 @@ def test_second_process_is_refused(begun):
 @pytest.mark.parametrize(
     'option',
     ['--shape worm', '--architecture U-D', '--neuron-model snn', '--n-c 4', '--hidden 3',
-     '--as-printed', '--terrain flat', '--evaluations 300', '--seed 3', '--population 8',
+     '--as-printed', '--terrain flat', '--episodes 300', '--seed 3', '--population 8',
      '--sigma 0.35', '--duration 1', '--transient 0', '--run x'],
 )
 def test_resumed_run_cannot_be_changed(begun, here, option):
@@ -54,7 +54,7 @@ def test_resumed_run_cannot_be_changed(begun, here, option):
         ('--shape 101', ["'101'", 'connected']),
         ('--terrain hily-1-10-0', ["'hily-1-10-0'", "did you mean 'hilly'?"]),
         ('--neuron-model snn_h', ["'snn_h'", "did you mean 'snn-h'?"]),
-        ('--evaluations 0', ['evaluations', '0', 'from 1 to']),
+        ('--episodes 0', ['episodes', '0', 'from 1 to']),
         ('--hidden a,b', ['hidden', "'a'", 'layer sizes']),
         ('--resume nowhere', ['nowhere', 'no folder', 'earlier run']),
     ],
@@ -84,9 +84,9 @@ def test_bad_input_is_one_line_and_no_folder(tmp_path, arguments, words):
         ('--hidden -5', ['hidden', "'-5'"]),
         ('--hidden ²', ['hidden', "'²'"]),
         ('--hidden 1,1,1,1,1,1,1,1,1', ['hidden', 'up to 8']),
-        ('--evaluations -1', ['evaluations', '-1']),
-        ('--evaluations 1000000001', ['evaluations', '1000000001']),
-        (f'--evaluations 1{"0" * 400}', ['evaluations', 'from 1 to']),
+        ('--episodes -1', ['episodes', '-1']),
+        ('--episodes 1000000001', ['episodes', '1000000001']),
+        (f'--episodes 1{"0" * 400}', ['episodes', 'from 1 to']),
         ('--seed -1', ['seed', '-1']),
         (f'--seed 1{"0" * 400}', ['seed', 'from 0 to']),
         ('--population 3', ['population', '3', 'from 4 to']),
@@ -108,7 +108,7 @@ def test_bad_value_is_one_line_and_no_folder(here, arguments, words):
 
 
 @pytest.mark.parametrize(
-    'arguments', ['--workers 0', '--workers -1', '--workers x', '--evaluations 1.5', '--seed x',
+    'arguments', ['--workers 0', '--workers -1', '--workers x', '--episodes 1.5', '--seed x',
                   '--sigma x', '--nonsense', 'nonsense', '--shape']
 )
 def test_bad_option_is_told_in_the_last_line_and_no_folder(here, arguments):

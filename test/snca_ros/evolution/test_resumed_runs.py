@@ -39,7 +39,7 @@ def assert_stopped(process: subprocess.Popen, folder: Path, workers: dict[int, s
 
 def test_interrupted_run_goes_on_as_if_never_stopped(whole, tmp_path, start):
     folder = tmp_path / 'run'
-    process = start(*TASK, '--evaluations', EVALUATIONS, '--workers', 2, '--run', folder)
+    process = start(*TASK, '--episodes', EVALUATIONS, '--workers', 2, '--run', folder)
     done = freeze_midway(process, folder)
     workers = offspring(process.pid)
     os.killpg(process.pid, signal.SIGINT)  # a terminal's Ctrl-C tells the whole group
@@ -55,7 +55,7 @@ def test_interrupted_run_goes_on_as_if_never_stopped(whole, tmp_path, start):
 
 def test_running_run_is_refused_to_others_and_stops_at_sigterm(tmp_path, start, here):
     folder = tmp_path / 'run'
-    process = start(*TASK, '--evaluations', EVALUATIONS, '--workers', 1, '--run', folder)
+    process = start(*TASK, '--episodes', EVALUATIONS, '--workers', 1, '--run', folder)
     freeze_midway(process, folder)
     workers, before = offspring(process.pid), contents_of(folder)
     here.refuses('--resume', folder, words=[str(folder), 'no other process'])
@@ -68,7 +68,7 @@ def test_running_run_is_refused_to_others_and_stops_at_sigterm(tmp_path, start, 
 
 def test_killed_run_leaves_no_process_and_goes_on_as_if_never_stopped(whole, tmp_path, start):
     folder = tmp_path / 'run'
-    process = start(*TASK, '--evaluations', EVALUATIONS, '--workers', 2, '--run', folder)
+    process = start(*TASK, '--episodes', EVALUATIONS, '--workers', 2, '--run', folder)
     done = freeze_midway(process, folder)
     workers = offspring(process.pid)
     assert len(workers) >= 2
@@ -89,7 +89,7 @@ def test_kill_before_the_first_generation(whole, tmp_path):
     folder.mkdir()
     shutil.copy(whole / 'config.yaml', folder)
     values = yaml.safe_load((folder / 'config.yaml').read_text())
-    (folder / 'config.yaml').write_text(yaml.safe_dump({**values, 'evaluations': 15}))
+    (folder / 'config.yaml').write_text(yaml.safe_dump({**values, 'episodes': 15}))
     run = evolve('--resume', folder, '--workers', 1)
     assert run.returncode == 0, run.stderr
     assert history_of(folder) == history_of(whole)[:2]
@@ -105,10 +105,10 @@ def test_kill_between_checkpoint_and_what_is_made_from_it(whole, begun, lost, ho
         elif how == 'half':
             path.write_bytes(path.read_bytes()[:100])
         else:
-            path.write_bytes(b'generation,evaluations,best,median,worst,best_so_far\n')
+            path.write_bytes(b'generation,episodes,best,median,worst,best_so_far\n')
     folder = RunFolder.resume(begun)
     try:
-        assert folder.load().evaluations == EVALUATIONS
+        assert folder.load().episodes == EVALUATIONS
     finally:
         folder.close()
     assert_same_run(whole, begun)

@@ -325,7 +325,7 @@ def test_a_strategy_from_outside_the_tree_runs_and_resumes(tmp_path, monkeypatch
         STRATEGIES.register('random', SimpleEvolutionStrategy)
     whole = RunConfig(
         'worm-2x1', Architecture.named('U-D', 'mlp'), strategy='random', population=4,
-        evaluations=12, duration=0.5, transient=0.0,
+        episodes=12, duration=0.5, transient=0.0,
     )
     once = RunFolder.create(tmp_path / 'once', whole)
     expected = evolve(once, IN_PROCESS)

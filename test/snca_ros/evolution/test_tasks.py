@@ -74,11 +74,11 @@ def tasks():
 
 
 CONFIG = RunConfig(
-    '11-10', Architecture.named('U-D', 'mlp'), evaluations=11, population=4, duration=1.0,
+    '11-10', Architecture.named('U-D', 'mlp'), episodes=11, population=4, duration=1.0,
     transient=0.2,
 )
 OPTIONS = (
-    '--shape', '11-10', '--architecture', 'U-D', '--neuron-model', 'mlp', '--evaluations', '11',
+    '--shape', '11-10', '--architecture', 'U-D', '--neuron-model', 'mlp', '--episodes', '11',
     '--population', '4', '--duration', '1', '--transient', '0.2',
 )
 
@@ -392,11 +392,11 @@ def trained_by(config):
 
 def test_python_names_quantity_and_unit(tmp_path):
     run = snca.evolve(
-        '11-10', 'U-D', 'mlp', task='leap', evaluations=4, population=4, duration=1.0,
+        '11-10', 'U-D', 'mlp', task='leap', episodes=4, population=4, duration=1.0,
         transient=0.2, run=tmp_path / 'run',
     )
     best = run.best.trained.fitness
-    assert repr(run).endswith(f'4 of 4 evaluations, best rise {best:.3f} m)')
+    assert repr(run).endswith(f'4 of 4 episodes, best rise {best:.3f} m)')
     assert repr(run.best).endswith(f'evolved on flat to rise {best:.3f} m)')
     assert repr(run.best.trained).endswith(f'evolved on flat to rise {best:.3f} m)')
     assert f'best {best:.3f} m' in '\n'.join(describe_history(tmp_path / 'run'))
@@ -421,13 +421,13 @@ def describe_history(path):
 
 
 def test_a_history_knows_its_unit_from_the_configuration_beside_it(tmp_path):
-    evolved(tmp_path / 'run', replace(CONFIG, task='leap', evaluations=4))
+    evolved(tmp_path / 'run', replace(CONFIG, task='leap', episodes=4))
     run = read_history(tmp_path / 'run')
     assert (run.label, read_history(tmp_path / 'run' / 'history.csv').label) == ('rise [m]',) * 2
     alone = shutil.copy(tmp_path / 'run' / 'history.csv', tmp_path / 'alone.csv')
     assert read_history(tmp_path / 'alone.csv').label == 'fitness'
     assert describe_history(tmp_path / 'alone.csv')[0] == (
-        f'{alone}: 4 evaluations, best {run.rows[-1, -1]:.3f}'
+        f'{alone}: 4 episodes, best {run.rows[-1, -1]:.3f}'
     )
 
 

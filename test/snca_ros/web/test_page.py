@@ -242,12 +242,12 @@ def test_ten_minutes_load_within_three_seconds(open_page, tmp_path):
 
 def test_a_run_has_its_history(tmp_path, open_page, capsys):
     run = tmp_path / 'run'
-    evolve = ['evolve', '--shape', '11', '--evaluations', '8', '--population', '4', '--duration',
+    evolve = ['evolve', '--shape', '11', '--episodes', '8', '--population', '4', '--duration',
               '1', '--transient', '0', '--workers', '1', '--run', str(run)]
     assert main(evolve) == 0
     assert main(['replay', str(run), '--duration', '1']) == 0
     page = open_page((run / 'replay.html').as_uri())
-    assert page.evaluate('header.history.evaluations') == [4, 7, 8]
+    assert page.evaluate('header.history.episodes') == [4, 7, 8]
     assert page.evaluate('header.historyLabel') == 'v_x [m/s]'
     assert page.locator('#plot-history canvas').is_visible()
     assert page.evaluate('player.walk.duration') == 1
