@@ -19,6 +19,7 @@ from sim_node.model.terrain import (
 )
 from snca_ros.assessment import fault_sweep
 from snca_ros.assessment.fault_sweep import parse_sweep, sweep_trials
+from snca_ros.assessment.running import run_trials
 from snca_ros.assessment.trials import (
     COLUMNS,
     FAULTY_STARTS,
@@ -27,7 +28,6 @@ from snca_ros.assessment.trials import (
     Trial,
     common_task,
     means_of_kinds,
-    run_trials,
     table,
     wall_cells,
     wall_lines,
