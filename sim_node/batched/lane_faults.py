@@ -15,7 +15,7 @@ class BodyFaultsInLanes:
 
     Args:
         morphology: morphology of the robots.
-        faults: faults of each robot.
+        faults: faults of each robot; those of robots with the same ones are drawn once.
         n_sensors: sensors per voxel.
 
     Raises:
@@ -25,7 +25,11 @@ class BodyFaultsInLanes:
     def __init__(
         self, morphology: Morphology, faults: Sequence[FaultsOfBody], n_sensors: int
     ) -> None:
-        self._robots = [BodyFaults(morphology, own, n_sensors) for own in faults]
+        self._lanes: dict[FaultsOfBody, list[int]] = {}
+        for lane, own in enumerate(faults):
+            self._lanes.setdefault(own, []).append(lane)
+        self._robots = [BodyFaults(morphology, own, n_sensors) for own in self._lanes]
+        self._width = len(faults)
 
     def draw(self, step: int, n: int) -> Disturbance:
         """Return what `BodyFaults.draw` returns for each robot, in lanes.
@@ -34,19 +38,18 @@ class BodyFaultsInLanes:
             Tables (n, n_voxels or 0, 1 or n_sensors, W), `actuators` with 1. A table has no voxels
             if no robot has such a fault.
         """
-        actuators, noise, sensors = zip(*(own.draw(step, n) for own in self._robots), strict=True)
+        drawn = [own.draw(step, n) for own in self._robots]
         return Disturbance(
-            _side_by_side([table[..., np.newaxis] for table in actuators], INTACT),
-            _side_by_side(noise, _NO_NOISE),
-            _side_by_side(sensors, INTACT),
+            self._side_by_side([own.actuators[..., np.newaxis] for own in drawn], INTACT),
+            self._side_by_side([own.noise for own in drawn], _NO_NOISE),
+            self._side_by_side([own.sensors for own in drawn], INTACT),
         )
 
-
-def _side_by_side(tables: Sequence[np.ndarray], nothing: float) -> np.ndarray:
-    """Return tables as lanes of one; those without voxels are filled with `nothing`."""
-    largest = max(tables, key=lambda table: table.shape[1])
-    lanes = np.full((*largest.shape, len(tables)), nothing)
-    for lane, table in enumerate(tables):
-        if table.shape[1] > 0:
-            lanes[..., lane] = table
-    return lanes
+    def _side_by_side(self, tables: Sequence[np.ndarray], nothing: float) -> np.ndarray:
+        """Return tables in lanes; those without voxels are filled with `nothing`."""
+        largest = max(tables, key=lambda table: table.shape[1])
+        found = np.full((*largest.shape, self._width), nothing)
+        for table, lanes in zip(tables, self._lanes.values(), strict=True):
+            if table.shape[1] > 0:
+                found[..., lanes] = table[..., np.newaxis]
+        return found

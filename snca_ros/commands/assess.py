@@ -47,6 +47,7 @@ EXAMPLES = """
   snca assess runs/tripod/best.npz --terrain-seeds 10   # 10 of each irregular one of them
   snca assess biped-U-nD-snn-h --terrains flat,uphill-10 --starts 20 --engine batched
   snca assess biped-U-nD-snn-h --faults loss=0..0.9..0.1 --figure loss.png --csv loss.csv
+  snca assess biped-U-nD-snn-h --faults delay=0..3 --starts 20 --engine batched  # side by side
   snca assess biped-U-nD-snn-h --arithmetic int16       # as its firmware would walk
 """
 

@@ -16,7 +16,7 @@ class CellFaultsInLanes:
     """The faults of the cells and messages of W robots of one shape, from control step 0 on.
 
     Args:
-        faults: faults of each robot.
+        faults: faults of each robot; those of robots with the same ones are drawn once.
         architecture: architecture of the cells.
         morphology: morphology of the robots.
 
@@ -27,11 +27,15 @@ class CellFaultsInLanes:
     def __init__(
         self, faults: Sequence[Faults], architecture: Architecture, morphology: Morphology
     ) -> None:
-        self._robots = [CellFaults(own, morphology) for own in faults]
-        self._voxels = range(morphology.n_voxels)
-        n, width, delays = morphology.n_voxels, len(faults), [own.delay for own in self._robots]
+        n, width = morphology.n_voxels, len(faults)
+        self._robots = [
+            (CellFaults(own, morphology), _mask([own == other for other in faults]))
+            for own in dict.fromkeys(faults)
+        ]
+        self._voxels = range(n)
+        delays = [own.delay for own in faults]
         self._delays = np.unique(delays)
-        self._delayed = _masks(np.array(delays) == self._delays[:, np.newaxis])
+        self._delayed = np.array([_mask(np.equal(delays, delay)) for delay in self._delays])
         n_sent, n_slots = architecture.n_destinations * architecture.n_c, max(delays) + 1
         of_trains, of_values = (n_slots, 1) if architecture.spiking else (1, n_slots)
         self._trains = np.zeros((of_trains, n, n_sent, SNN_STEPS), dtype=np.int64)
@@ -55,13 +59,13 @@ class CellFaultsInLanes:
     ) -> np.ndarray:
         """Return the masks of a fault that `of_voxel` gives, (n_steps, n_voxels, *shape)."""
         table = np.zeros((n_steps, len(self._voxels), *shape), dtype=np.int64)
-        for lane, own in enumerate(self._robots):
+        for own, robots in self._robots:
             if own.any:
                 found = [of_voxel(own, i, first, n_steps) for i in self._voxels]
-                table |= np.stack(found, axis=1).astype(np.int64) << lane
+                table |= np.where(np.stack(found, axis=1), robots, 0)
         return table
 
 
-def _masks(lanes: np.ndarray) -> np.ndarray:
-    """Return (n, W) bool as n masks, whose bit i is the robot in lane i."""
-    return (lanes.astype(np.int64) << np.arange(lanes.shape[1])).sum(axis=1)
+def _mask(lanes: Sequence[bool] | np.ndarray) -> np.int64:
+    """Return (W,) bool as a mask, whose bit i is the robot in lane i."""
+    return (np.asarray(lanes, dtype=np.int64) << np.arange(len(lanes))).sum()
