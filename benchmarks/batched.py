@@ -4,9 +4,9 @@
 
 For physics alone, it compares the robot's space in Munk2D, stepped from compiled code, with a step
 of the lanes, both with the same actuation, which changes in every step. An episode includes sensors
-and cells. Rounds of both engines alternate in one process; results are medians of CPU time. It also
-counts the vector registers in the assembly of the sweep, and fused multiply-adds, of which there
-must be none.
+and cells; in faulty ones, each robot has a start and faults of its own. Rounds of both engines
+alternate in one process; results are medians of CPU time. It also counts the vector registers in
+the assembly of the sweep, and fused multiply-adds, of which there must be none.
 """
 
 import re
@@ -28,10 +28,15 @@ from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller
 from snca_ros.evolution.episode import run_episode
 from snca_ros.evolution.episode_lanes import run_episodes
+from snca_ros.faults import parse_faults
 
 SHAPES = ('biped', 'comb', 'worm')
 MODELS = (('U-D', 'mlp'), ('U-nD', 'snn-h'))
 WIDTHS = (1, 4, 8, 16, 32)
+FAULTS = (
+    'loss=0.3',
+    'loss=0.3,delay=1,death=0.2@2-4,sensor_noise=0.01,broken_actuators=zero:0.1@3',
+)
 
 
 @compiled
@@ -114,6 +119,29 @@ def measure_episode(shape: str, name: str, model: str, rounds: int, duration: fl
     return {'what': f'{name} {model} episode', 'shape': shape, 'width': 16, **costs}
 
 
+def measure_faulty_episode(
+    shape: str, name: str, model: str, text: str, rounds: int, duration: float
+) -> dict:
+    """Compare faulty episodes, each with a start and faults of its own, as `assess` runs them."""
+    simulation = Simulation(shape)
+    morphology, terrain = simulation.morphology, simulation.terrain
+    robots, architecture = new_robots(simulation, 16), Architecture.named(name, model)
+    n, n_steps = morphology.n_voxels, steps_in(duration)
+    thetas = np.random.default_rng(1).uniform(-1.0, 1.0, (16, architecture.n_parameters(n)))
+    pushes, faults = [*range(1, 17)], [parse_faults(f'{text},seed={seed}') for seed in range(16)]
+
+    def reference() -> None:
+        for theta, push, own in zip(thetas[:4], pushes, faults, strict=False):
+            robot = Simulation(morphology, terrain, push=push, **own.of_body)
+            run_episode(robot, Controller(architecture, morphology, theta, own), duration)
+
+    def batched() -> None:
+        run_episodes(robots, architecture, morphology, thetas, duration, pushes, faults)
+
+    costs = take_turns(reference, batched, rounds, 4 * n_steps, 16 * n_steps)
+    return {'what': f'{name} {model} episode, {text}', 'shape': shape, 'width': 16, **costs}
+
+
 def registers() -> dict:
     """Count vector registers and fused multiply-adds in the assembly of the sweep, W = 16."""
     function: Any = sweep
@@ -130,6 +158,10 @@ def measure(quick: bool) -> dict:
     results = [measure_physics(shape, 16, rounds, n_steps) for shape in SHAPES]
     results += [
         measure_episode(shape, *model, rounds, duration) for shape in SHAPES for model in MODELS
+    ]
+    results += [
+        measure_faulty_episode('biped', *model, text, rounds, duration)
+        for model in MODELS for text in FAULTS
     ]
     if not quick:
         results += [measure_physics('biped', w, rounds, n_steps) for w in WIDTHS if w != 16]

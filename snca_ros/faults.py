@@ -71,6 +71,11 @@ class Faults(FaultsOfBody, FaultsOfCells):
         """Return whether there is a fault of cells or messages."""
         return self.loss > 0.0 or self.delay > 0 or self.death != ''
 
+    @property
+    def any(self) -> bool:
+        """Return whether there is any fault."""
+        return self.affect_cells or self.affect_body
+
 
 NO_FAULTS = Faults()
 

@@ -6,11 +6,14 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_node.batched.contacts import find_contacts
+from sim_node.batched.lane_faults import BodyFaultsInLanes
 from sim_node.batched.outlines import observe, observe_and_sense
 from sim_node.batched.state import Group, make_group, put_down
 from sim_node.batched.step import physics_step
 from sim_node.engine import Engine, check_engine
+from sim_node.errors import InvalidInput
 from sim_node.model.body import build_body, pushed
+from sim_node.model.body_faults import Disturbance, FaultsOfBody, break_values, disturb_readings
 from sim_node.model.material import Material
 from sim_node.model.morphology import Morphology
 from sim_node.model.sensing import Sensing, make_sensing
@@ -72,10 +75,10 @@ def one_robot(group: Group) -> OneRobot:
 
 
 class Robots:
-    """W robots of one shape, which differ only in their actuation.
+    """W robots of one shape, which differ in their actuation, and may in start and faults.
 
-    The state of a robot depends only on its own actuation, to the bit: not on W, its lane or the
-    other robots.
+    The state of a robot depends only on its own actuation, start and faults, to the bit: not on W,
+    its lane or the other robots.
 
     Args:
         morphology: morphology of the robots.
@@ -83,7 +86,7 @@ class Robots:
         material: physical constants.
         solver: sub-steps and iterations.
         width: number of robots W.
-        push: default of `reset`: 0, or the seed of a pushed start, the same for all robots.
+        push: default of `reset`: 0, or the seed of a pushed start of all robots.
         sensors: names of the sensors of each voxel, of `sim_node.model.sensors.SENSORS`.
 
     Attributes:
@@ -110,6 +113,7 @@ class Robots:
     ) -> None:
         check_engine('batched', solver)
         self._body, self._push = build_body(morphology, terrain, material), push
+        self._morphology, self._width, self._n_sensors = morphology, width, len(sensors)
         self.feet_of_walls, self.material = terrain.feet_of_walls, material
         group = make_group(self._body, terrain.polygons, material, solver, width)
         self.group: Group = group
@@ -118,24 +122,58 @@ class Robots:
         )
         self.reset()
 
-    def reset(self, push: int | None = None) -> None:
+    def reset(
+        self,
+        pushes: int | Sequence[int] | None = None,
+        faults: Sequence[FaultsOfBody] = (),
+    ) -> None:
         """Place all robots at rest.
 
         Args:
-            push: 0, or the seed of a pushed start, the same for all robots, see
+            pushes: start of each robot, or of all: 0, or the seed of a pushed start, see
                 `sim_node.model.body.pushed`; None for the `push` of the constructor.
+            faults: faults of the body of each robot. If there are less than W pushes or faults, the
+                last robots have exact starts, or no faults.
+
+        Raises:
+            InvalidInput: there are more than W pushes or faults, or a voxel that is named in a
+                fault does not exist.
         """
-        put_down(self.group, pushed(self._body, self._push if push is None else push))
+        if pushes is None or isinstance(pushes, int):
+            pushes = [self._push if pushes is None else pushes] * self._width
+        for field, given in (('pushes', pushes), ('faults', faults)):
+            if len(given) > self._width:
+                raise InvalidInput(field, len(given), f'those of up to {self._width} robots')
+        starts = [pushed(self._body, push).positions for push in pushes]
+        starts += [self._body.positions] * (self._width - len(starts))
+        put_down(self.group, np.stack(starts, axis=-1))
+        of_all = [*faults, *[FaultsOfBody()] * (self._width - len(faults))]
+        if not any(own.affect_body for own in faults):
+            of_all = of_all[:1]  # a table without voxels needs no lanes
+        self._faults = BodyFaultsInLanes(self._morphology, of_all, self._n_sensors)
         self.step_count = 0
         advance_group(self.group, self.sensing, 0)
+        lanes = self.sensing.reading_lanes
+        disturb_readings(lanes, lanes, self._faults.draw(-1, 1), 0)
+
+    def disturbance(self, n_steps: int) -> Disturbance:
+        """Return the faults of the bodies in the next `n_steps` control steps.
+
+        Its tables are those of `BodyFaultsInLanes.draw`. The noise continues from the last call.
+        """
+        return self._faults.draw(self.step_count, n_steps)
 
     def step(self, actuation: np.ndarray) -> np.ndarray:
         """Apply `actuation`, (n_voxels, W) in [-1, 1], for 1/60 s; return the new readings.
 
         The readings of robots that are no longer `sane` are meaningless.
         """
-        self.group.actuation_lanes[:, 0] = actuation
+        lanes, readings = self.group.actuation_lanes, self.sensing.reading_lanes
+        acted, before, disturbance = lanes.copy(), readings.copy(), self.disturbance(1)
+        lanes[:, 0] = actuation
+        break_values(lanes, disturbance.actuators[0], acted)
         advance_group(self.group, self.sensing, self.step_count + 1)
+        disturb_readings(readings, before, disturbance, 0)
         self.step_count += 1
         return self.readings
 
@@ -174,7 +212,7 @@ class BatchedEngine(Engine):
 
     def reset(self) -> None:
         """Place the robot at rest."""
-        put_down(self.group, self._body)
+        put_down(self.group, self._body.positions[..., np.newaxis])
         move_group(self.group, 0)
 
     def step(self, actuation: np.ndarray, step: int) -> bool:

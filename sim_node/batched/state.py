@@ -147,15 +147,20 @@ def make_group(
     )
 
 
-def put_down(group: Group, body: Body) -> None:
-    """Place all robots of the group at rest, in the initial state."""
+def put_down(group: Group, positions: np.ndarray) -> None:
+    """Place all robots of the group at rest, in the initial state.
+
+    Args:
+        group: the group.
+        positions: (n_masses, 2, W) of the masses of each robot, or (n_masses, 2, 1) of all [m].
+    """
     for array in group:
         if isinstance(array, np.ndarray) and array.dtype.fields:
             array['lane'] = 0.0
     group.step_count[0] = 0.0
     group.in_use[:] = False
     group.scheduled[0] = 0
-    group.mass_lanes[:, :2] = body.positions[:, :, None]
+    group.mass_lanes[:, :2] = positions
     group.mass_lanes[:, COS] = 1.0
     group.contacts['lane'][:, POLYGON] = -1.0
     # Munk2D enlarges the box of a mass that does not move by a tenth of its size on each side.

@@ -164,6 +164,11 @@ class FaultsOfBody(Checked):
     )
     seed: int = constant(0, 0, 2**31 - 1, 'seed of all noise and faults')
 
+    @property
+    def affect_body(self) -> bool:
+        """Return whether there is a fault of the body."""
+        return self.sensor_noise > 0.0 or self.broken_sensors != '' or self.broken_actuators != ''
+
 
 class _BrokenParts:
     """The broken sensors or actuators of a robot, `n` per voxel, with values from `low` to 1."""
@@ -222,12 +227,13 @@ def break_values(values, instead, before):
 
 @compiled
 def disturb_readings(readings, before, disturbance, row):
-    """Add noise to (n_voxels, n_sensors) readings and replace those of broken sensors.
+    """Add noise to readings and replace those of broken sensors.
 
     Args:
-        readings: (n_voxels, n_sensors) new readings, modified.
-        before: (n_voxels, n_sensors) previous readings, for frozen sensors.
-        disturbance: the faults.
+        readings: new readings, modified: (n_voxels, n_sensors) of one robot, or
+            (n_voxels, n_sensors, W) of W robots.
+        before: previous readings, for frozen sensors.
+        disturbance: the faults, of as many robots.
         row: row of the `disturbance`.
     """
     add_noise(readings, disturbance.noise[row])

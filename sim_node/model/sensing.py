@@ -251,7 +251,11 @@ def _clip_row(means, j):
 
 @compiled
 def add_noise(readings, noise):
-    """Add `noise`, (n_voxels, n_sensors) or (0, n_sensors), to the readings; clip to [0, 1]."""
-    for i in range(noise.shape[0]):
-        for j in range(noise.shape[1]):
-            readings[i, j] = min(max(readings[i, j] + noise[i, j], 0.0), 1.0)
+    """Add `noise`, of the shape of the readings or with 0 voxels, to the readings; clip to [0, 1].
+
+    Args:
+        readings: (n_voxels, n_sensors) of one robot or (n_voxels, n_sensors, W) of W robots.
+        noise: the noise.
+    """
+    for i in np.ndindex(noise.shape):
+        readings[i] = min(max(readings[i] + noise[i], 0.0), 1.0)

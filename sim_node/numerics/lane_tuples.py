@@ -1,11 +1,11 @@
-"""Operations on tuples of lane arrays: load, store and compare one item of each."""
+"""Operations on tuples of lane arrays: load, store, compare and select one item of each."""
 
 from typing import Any
 
 from numba.extending import overload
 
 from sim_node.numerics.dispatch import INLINED
-from sim_node.numerics.lanes import load, store
+from sim_node.numerics.lanes import load, select, store
 
 
 def load_each(arrays: Any, i: Any, j: Any) -> Any:
@@ -48,4 +48,18 @@ def _all_equal(mask, lanes, values):
         return lambda mask, lanes, values: mask
     return lambda mask, lanes, values: all_equal(
         mask & (lanes[0] == values[0]), lanes[1:], values[1:]
+    )
+
+
+def select_each(mask: Any, values: Any, lanes: Any) -> Any:
+    """Return, lane by lane, the items of tuple `values` where `mask` is true, else of `lanes`."""
+    raise NotImplementedError('compiled code only')
+
+
+@overload(select_each, jit_options=INLINED)
+def _select_each(mask, values, lanes):
+    if len(lanes) == 0:
+        return lambda mask, values, lanes: ()
+    return lambda mask, values, lanes: (
+        select(mask, values[0], lanes[0]), *select_each(mask, values[1:], lanes[1:])
     )

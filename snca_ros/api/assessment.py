@@ -12,12 +12,12 @@ from sim_node.model.terrain import UNSEEN_TERRAINS, parse_terrain
 from snca_ros.api.processes import worker_processes
 from snca_ros.api.robot import Robot, as_faults, load
 from snca_ros.assessment.fault_sweep import parse_sweep
+from snca_ros.assessment.running import run_trials
 from snca_ros.assessment.trials import (
     FAULTY_STARTS,
     AssessmentOptions,
     all_trials,
     common_task,
-    run_trials,
 )
 from snca_ros.cell.models.arithmetic import DEFAULT_ARITHMETIC
 from snca_ros.evolution.episode import EPISODE

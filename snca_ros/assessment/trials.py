@@ -20,7 +20,6 @@ from snca_ros.cell.models.arithmetic import ARITHMETICS, DEFAULT_ARITHMETIC
 from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import EPISODE, LONGEST, TRANSIENT, Episode, run_episode
 from snca_ros.evolution.tasks import Scored, Task, check_task, score_of
-from snca_ros.evolution.workers import Workers
 from snca_ros.faults import NO_FAULTS, Faults
 from snca_ros.files import write_text
 
@@ -65,6 +64,15 @@ class Trial:
         """Return the simulation of the robot at its start."""
         return self.trained.simulation(self.terrain, self.engine, self.start, self.faults)
 
+    @property
+    def group(self) -> tuple:
+        """Return what trials have in common that can run side by side in the batched engine."""
+        one = self.trained
+        return (
+            self.engine, one.architecture, one.morphology.squares, self.terrain or one.terrain,
+            one.material, one.solver, one.task, self.duration,
+        )
+
 
 def score(trial: Trial) -> Scored:
     """Return the score of a trial by the controller's task; -inf if the physics diverged."""
@@ -79,18 +87,6 @@ def score(trial: Trial) -> Scored:
     name = f'trial-{trial.engine}{faulty}-{len(task.records)}-{arithmetic}'
     warm_up(name, lambda: episode(2.0 / CONTROL_RATE))
     return score_of(task, episode(trial.duration), trial.transient)
-
-
-def run_trials(workers: Workers, trials: Sequence[Trial]) -> tuple[np.ndarray, np.ndarray]:
-    """Run trials; the result does not depend on the workers.
-
-    Returns:
-        The score of each trial, (n_trials,), and the times [s] at which the robot met the walls
-        behind its start and at the end of the ground, (n_trials, 2); NaN if it did not.
-    """
-    found = list(workers.executor.map(score, trials))
-    times = np.array([one.walls.times for one in found], dtype=np.float64)
-    return np.array([one.score for one in found]), times.reshape(-1, 2)
 
 
 def wall_lines(times: np.ndarray, task: Task) -> list[str]:

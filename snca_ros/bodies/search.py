@@ -7,7 +7,8 @@ import numpy as np
 
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import Morphology
-from snca_ros.assessment.trials import Trial, run_trials
+from snca_ros.assessment.running import run_trials
+from snca_ros.assessment.trials import Trial
 from snca_ros.bodies.archive import BodySearch, ScoredBody
 from snca_ros.bodies.folder import SearchFolder
 from snca_ros.bodies.settings import SearchSettings

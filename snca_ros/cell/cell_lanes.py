@@ -23,6 +23,14 @@ from snca_ros.cell.coding import (
     next_spike,
     spike_period,
 )
+from snca_ros.cell.lane_faults import (
+    deliver_trains,
+    deliver_values,
+    keep_trains,
+    keep_values,
+    kill,
+    with_own_ages,
+)
 from snca_ros.cell.models.model import rounded
 from snca_ros.cell.network import Network, make_network
 from snca_ros.cell.spiking_layers import clear, run_spiking
@@ -47,9 +55,9 @@ class GroupState(NamedTuple):
     last_spike: np.ndarray  # lanes (n, n_sensors) SNN step of each reading's newest spike
     counts: np.ndarray  # lanes (n, ACTUATION_WINDOW) actuation spikes per control step
     sent_trains: np.ndarray  # (n, n_destinations * n_c, SNN_STEPS) spikes sent
-    received_trains: np.ndarray  # the same one control step earlier
+    received_trains: np.ndarray  # the same one control step earlier, or more if they are late
     sent_values: np.ndarray  # lanes (n, n_destinations * n_c) values sent
-    received_values: np.ndarray  # the same one control step earlier
+    received_values: np.ndarray  # the same one control step earlier, or more if they are late
     trains: np.ndarray  # (n_items, SNN_STEPS) scratch: spikes of one cell's network, as masks
 
 
@@ -62,42 +70,63 @@ def step_group(cells, readings, step, actuation):
         step: control step k, the same for all cells.
         actuation: lanes (n, 1) in [-1, 1], written.
     """
-    _step_group(cells.network.model, cells, readings, step, actuation)
+    _step_group(cells.network.model, cells, readings, step, actuation, None, 0)
+
+
+@compiled
+def step_group_faulty(cells, readings, step, actuation, faults, row):
+    """Do what `step_group` does, with the faults in row `row` of `LaneFaults`."""
+    _step_group(cells.network.model, cells, readings, step, actuation, faults, row)
 
 
 @inlined_part
-def _step_spiking(model, cells, readings, step, actuation):
-    n_cells, n_channels, _ = cells.sent_trains.shape
-    for i in range(n_cells):
-        for c in range(n_channels):
-            for h in range(SNN_STEPS):
-                cells.received_trains[i, c, h] = cells.sent_trains[i, c, h]
+def _step_spiking(model, cells, readings, step, actuation, faults, row):
+    if faults is None:
+        n_cells, n_channels, _ = cells.sent_trains.shape
+        for i in range(n_cells):
+            for c in range(n_channels):
+                for h in range(SNN_STEPS):
+                    cells.received_trains[i, c, h] = cells.sent_trains[i, c, h]
+    else:
+        deliver_trains(cells.received_trains, step, faults)
     for i in range(cells.neighbors.shape[0]):
-        _read_trains(model, cells, i, readings, step)
+        _read_trains(model, cells, i, readings, step, faults, row)
         clear(cells.network.fired)
         run_spiking(cells.network, i, cells.trains)
-        _write_trains(model, cells, i, step, actuation)
+        _write_trains(model, cells, i, step, actuation, faults)
+        if faults is not None:
+            kill(cells, i, step, actuation, faults, row)
+    if faults is not None:
+        keep_trains(cells.sent_trains, step, faults)
 
 
 @inlined_part
-def _step_values(model, cells, readings, step, actuation):
+def _step_values(model, cells, readings, step, actuation, faults, row):
+    if faults is None:
+        for i in range(cells.neighbors.shape[0]):
+            for c in range(cells.sent_values.shape[1]):
+                store(cells.received_values, i, c, load(cells.sent_values, i, c))
+    else:
+        deliver_values(cells.received_values, step, faults)
     for i in range(cells.neighbors.shape[0]):
-        for c in range(cells.sent_values.shape[1]):
-            store(cells.received_values, i, c, load(cells.sent_values, i, c))
-    for i in range(cells.neighbors.shape[0]):
-        _read_values(model, cells, i, readings)
+        _read_values(model, cells, i, readings, faults, row)
         run_values(cells.network, i, None)
         _write_values(cells, i, actuation)
+        if faults is not None:
+            kill(cells, i, step, actuation, faults, row)
+    if faults is not None:
+        keep_values(cells.sent_values, step, faults)
 
 
 _step_group = by_attribute(
     'spiking', {True: _step_spiking, False: _step_values},
-    'Advance all cells by a control step; their networks exchange spikes or values.',
+    'Advance all cells by a control step; their networks exchange spikes or values. If `faults` is '
+    'None, their code is not compiled.',
 )
 
 
 @inlined_part
-def _read_trains(model, cells, i, readings, step):
+def _read_trains(model, cells, i, readings, step, faults, row):
     n_sensors, trains, first_step = readings.shape[1], cells.trains, float(step * SNN_STEPS)
     for sensor in range(n_sensors):
         last_spike = load(cells.last_spike, i, sensor)
@@ -114,11 +143,13 @@ def _read_trains(model, cells, i, readings, step):
         for c in range(cells.n_c):
             for h in range(SNN_STEPS):
                 train = cells.received_trains[sender, channel + c, h] if sender >= 0 else 0
+                if faults is not None:
+                    train &= ~faults.lost[row, i, d]
                 trains[n_sensors + d * cells.n_c + c, h] = train
 
 
 @inlined_part
-def _write_trains(model, cells, i, step, actuation):
+def _write_trains(model, cells, i, step, actuation, faults):
     trains, output, age = cells.trains, cells.output, step + 1
     for c in range(cells.sent_trains.shape[1]):
         for h in range(SNN_STEPS):
@@ -131,11 +162,14 @@ def _write_trains(model, cells, i, step, actuation):
     n_spikes = like(n_spikes, 0.0)
     for k in range(min(age, ACTUATION_WINDOW)):
         n_spikes += load(cells.counts, i, k)
-    store(actuation, i, 0, actuation_of(model, n_spikes, age))
+    now = actuation_of(model, n_spikes, age)
+    if faults is not None:
+        now = with_own_ages(model, n_spikes, now, i, step, faults)
+    store(actuation, i, 0, now)
 
 
 @inlined_part
-def _read_values(model, cells, i, readings):
+def _read_values(model, cells, i, readings, faults, row):
     n_sensors, values = readings.shape[1], cells.network.values
     for sensor in range(n_sensors):
         store(values, 0, sensor, rounded(model, load(readings, i, sensor)))
@@ -147,6 +181,8 @@ def _read_values(model, cells, i, readings):
                 store(values, 0, neuron, 0.0)
             else:
                 received = load(cells.received_values, sender, channel + c)
+                if faults is not None:
+                    received = select(mask_like(received, faults.lost[row, i, d]), 0.0, received)
                 store(values, 0, neuron, rounded(model, received))
 
 

@@ -16,6 +16,7 @@ from sim_node.model.morphology import parse_morphology
 from sim_node.model.terrain import UNSEEN_TERRAINS, parse_terrain, unseen_terrains
 from snca_ros.assessment import fault_sweep, transfer
 from snca_ros.assessment.fault_sweep import parse_sweep, sweep_trials
+from snca_ros.assessment.running import run_trials
 from snca_ros.assessment.transfer import Transfer, in_bodies, matrix, transfer_trials
 from snca_ros.assessment.trials import (
     COLUMNS,
@@ -25,7 +26,6 @@ from snca_ros.assessment.trials import (
     Trial,
     common_task,
     means_of_kinds,
-    run_trials,
     table,
     wall_cells,
     wall_lines,
@@ -46,6 +46,7 @@ EXAMPLES = """
   snca assess runs/tripod/best.npz --terrain-seeds 10   # 10 of each irregular one of them
   snca assess biped-U-nD-snn-h --terrains flat,uphill-10 --starts 20 --engine batched
   snca assess biped-U-nD-snn-h --faults loss=0..0.9..0.1 --figure loss.png --csv loss.csv
+  snca assess biped-U-nD-snn-h --faults delay=0..3 --starts 20 --engine batched  # side by side
   snca assess biped-U-nD-snn-h --arithmetic int16       # as its firmware would walk
   snca assess biped-U-nD-snn-h comb-U-nD-snn-h --shape biped,comb,tripod --figure transfer.png
   snca assess biped-U-nD-snn-h --without voxel_1_1      # on the 16 terrains, without a voxel

@@ -1,40 +1,70 @@
 """Episodes of several controllers side by side in the batched engine, with one robot each."""
 
 import functools
+from collections.abc import Sequence
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 
 from sim_node.batched.engine import Robots, advance_group
 from sim_node.control_time import steps_in
+from sim_node.errors import InvalidInput
+from sim_node.model.body_faults import Disturbance, break_values, disturb_readings
 from sim_node.model.meetings import note_meetings, table_of_meetings, walls_of
 from sim_node.model.morphology import Morphology, parse_morphology
 from sim_node.model.terrain import parse_terrain
 from sim_node.numerics.jit import compiled
 from snca_ros.cell.architecture import Architecture
-from snca_ros.cell.cell_lanes import make_cells, step_group
+from snca_ros.cell.cell_lanes import make_cells, step_group, step_group_faulty
+from snca_ros.cell.lane_faults import LaneFaults
 from snca_ros.evolution.conditions import Conditions
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.episode import EPISODE, Episode, Records, record
+from snca_ros.evolution.fault_lanes import CellFaultsInLanes
 from snca_ros.evolution.tasks import check_task
+from snca_ros.faults import NO_FAULTS, Faults
+
+STEPS_DRAWN = 1800
+"""Control steps for which faults are drawn at once, so that their tables stay small."""
+
+
+class EpisodeFaults(NamedTuple):
+    """The faults of W robots at some control steps, one row per step."""
+
+    bodies: Disturbance
+    cells: LaneFaults
 
 
 @compiled
-def _walk(group, sensing, cells, centers, done, records, corners, feet_of_walls, meetings):
-    """Run episodes of W robots.
+def _walk(
+    group, sensing, cells, first, last, centers, done, records, corners, feet_of_walls, meetings,
+    faults,
+):
+    """Run episodes of W robots from control step `first` up to, not including, `last`.
 
-    If `records` is None, its code is not compiled.
+    If `records` or `faults` is None, their code is not compiled.
 
     Args:
         centers: (n_steps + 1, 2, W) centres of mass [m], written.
-        done: (W,) number of steps before the physics diverged, written; 0 on entry.
+        done: (W,) number of steps before the physics diverged, written; 0 at step 0.
         corners, feet_of_walls, meetings: see `note_meetings`.
+        faults: `EpisodeFaults`, from step `first` on.
         The other arguments are the parts of robots and cells.
     """
-    _write_centers(group.mass_lanes, centers[0])
-    for k in range(centers.shape[0] - 1):
-        step_group(cells, sensing.readings, k, group.actuation)
-        advance_group(group, sensing, k + 1)
+    if first == 0:
+        _write_centers(group.mass_lanes, centers[0])
+    for k in range(first, last):
+        if faults is None:
+            step_group(cells, sensing.readings, k, group.actuation)
+            advance_group(group, sensing, k + 1)
+        else:
+            row, acted = k - first, group.actuation_lanes.copy()
+            step_group_faulty(cells, sensing.readings, k, group.actuation, faults.cells, row)
+            break_values(group.actuation_lanes, faults.bodies.actuators[row], acted)
+            before = sensing.reading_lanes.copy()
+            advance_group(group, sensing, k + 1)
+            disturb_readings(sensing.reading_lanes, before, faults.bodies, row)
         _write_centers(group.mass_lanes, centers[k + 1])
         note_meetings(corners, feet_of_walls, k + 1, meetings)
         if records is not None:
@@ -62,7 +92,8 @@ def run_episodes(
     morphology: Morphology,
     candidates: np.ndarray,
     duration: float = EPISODE,
-    push: int | None = None,
+    pushes: int | Sequence[int] | None = None,
+    faults: Faults | Sequence[Faults] = NO_FAULTS,
     records: tuple[str, ...] = (),
 ) -> list[Episode]:
     """Run one episode of each of up to W controllers, side by side.
@@ -73,25 +104,46 @@ def run_episodes(
         morphology: morphology of the robots.
         candidates: (n, n_parameters) parameters of n <= W controllers. In other lanes they are 0.
         duration: duration of the episodes [s].
-        push: start of the robots, see `Robots.reset`.
+        pushes: start of each robot, or of all, see `Robots.reset`.
+        faults: faults of each of the n robots, or of all.
         records: names of arrays to record, see `run_episode`.
 
     Returns:
-        One episode per controller, which does not depend, to the bit, on the other controllers.
+        One episode per controller, which does not depend, to the bit, on the other controllers,
+        starts and faults.
+
+    Raises:
+        InvalidInput: the candidates do not fit, see `make_cells`; there are not as many faults as
+            candidates; a voxel that is named in a fault does not exist.
     """
     width = robots.sensing.reading_lanes.shape[2]
     n_steps = steps_in(duration)
     cells = make_cells(architecture, morphology, candidates, width)
+    own = [faults] * len(candidates) if isinstance(faults, Faults) else [*faults]
+    if len(own) != len(candidates):
+        raise InvalidInput('faults', len(own), f'those of {len(candidates)} candidates')
+    own += [NO_FAULTS] * (width - len(own))
     centers = np.empty((n_steps + 1, 2, width))
     done = np.zeros(width, dtype=np.int64)
-    robots.reset(push)
+    robots.reset(pushes, own)
     recorded = Records.of(records, _world(robots), n_steps, morphology, robots.material)
     meetings = table_of_meetings(width)
-    _walk(
-        robots.group, robots.sensing, cells, centers, done, recorded,
-        robots.group.corners['lane'], robots.feet_of_walls, meetings,
-    )
-    robots.step_count = n_steps
+
+    def walk(first: int, last: int, drawn: EpisodeFaults | None) -> None:
+        _walk(
+            robots.group, robots.sensing, cells, first, last, centers, done, recorded,
+            robots.group.corners['lane'], robots.feet_of_walls, meetings, drawn,
+        )
+        robots.step_count = last
+
+    if any(faults_of_one.any for faults_of_one in own):
+        of_cells = CellFaultsInLanes(own, architecture, morphology)
+        for first in range(0, n_steps, STEPS_DRAWN):
+            n = min(STEPS_DRAWN, n_steps - first)
+            drawn = EpisodeFaults(robots.disturbance(n), of_cells.tables(first, n))
+            walk(first, first + n, drawn)
+    else:
+        walk(0, n_steps, None)
     rows = recorded.rows if recorded else ()
     return [
         Episode(
@@ -128,7 +180,7 @@ class SideBySide:
         robots = self._robots(conditions.shape, conditions.terrain, width)
         return run_episodes(
             robots, self._config.architecture, parse_morphology(conditions.shape), candidates,
-            duration, conditions.push, self._records,
+            duration, conditions.push, conditions.faults, self._records,
         )
 
     def _make_robots(self, shape: str, terrain: str, width: int) -> Robots:

@@ -1,9 +1,13 @@
 """Results of a robot do not depend on the lanes of the batched engine, to the bit."""
 
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 
 from sim_node.batched.engine import Robots
+from sim_node.errors import InvalidInput
+from sim_node.model.body_faults import FaultsOfBody
 from sim_node.model.material import Material
 from sim_node.model.morphology import parse_morphology
 from sim_node.model.solver import Solver
@@ -97,6 +101,49 @@ def test_a_push_is_given_to_the_reset_or_to_the_robots():
     masses = Simulation('11', engine='batched', push=3).world.masses
     robots.reset(3)
     np.testing.assert_array_equal(robots.group.mass_lanes[:, :5, 0], masses)
+
+
+FAULTS = [
+    FaultsOfBody(),
+    FaultsOfBody(sensor_noise=0.1, broken_actuators='frozen:0.5@0.2-0.4', seed=3),
+    FaultsOfBody(broken_sensors='random:voxel_1_0@0.1', sensor_noise=0.02, seed=1),
+    FaultsOfBody(broken_sensors='frozen:1@0.3', broken_actuators='zero:voxel_0_0@0.1-0.2'),
+]
+
+
+@pytest.mark.parametrize('n', [4, 3])
+def test_robots_with_starts_and_faults_of_their_own_are_simulations_of_one(n):
+    robots, gaits = _robots('11', 'flat', 4), _gaits(4, 2, 40)
+    pushes, faults = [0, 5, 6, 7][:n], FAULTS[:n]
+    for _ in range(2):  # the second time is not another
+        robots.reset(pushes, faults)
+        alone = [
+            Simulation('11', engine='batched', push=push, **asdict(own))
+            for push, own in zip([*pushes, 0][:4], [*faults, FAULTS[0]][:4], strict=True)
+        ]
+        readings = [one.reset() for one in alone]
+        for values in gaits:
+            for lane, expected in enumerate(readings):
+                np.testing.assert_array_equal(robots.readings[..., lane], expected)
+            robots.step(values)
+            readings = [one.step(values[:, lane]) for lane, one in enumerate(alone)]
+            acted = np.stack([one.world.actuation for one in alone], axis=-1)
+            np.testing.assert_array_equal(robots.group.actuation_lanes[:, 0], acted)
+    exact = _run(robots, gaits)
+    assert exact == _run(_robots('11', 'flat', 4), gaits)
+
+
+def test_only_faults_that_a_robot_has_are_drawn():
+    robots = _robots('11', 'flat', 4)
+    assert [part.shape[1] for part in robots.disturbance(5)] == [0, 0, 0]
+    robots.reset(faults=FAULTS[1:2])
+    assert [part.shape for part in robots.disturbance(5)] == [
+        (5, 2, 1, 4), (5, 2, 4, 4), (5, 0, 4, 4)
+    ]
+    with pytest.raises(InvalidInput, match='pushes'):
+        robots.reset([0] * 5)
+    with pytest.raises(InvalidInput, match='faults'):
+        robots.reset(faults=FAULTS * 2)
 
 
 def test_arrays_of_simulation_agree_with_the_pymunk_engine():

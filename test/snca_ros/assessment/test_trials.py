@@ -1,6 +1,7 @@
 """The assess command: scores, table, CSV and figure of controllers on many grounds."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,11 +9,13 @@ from support.assessment import assess, trained_worm
 
 from sim_node.model.terrain import UNSEEN_KINDS, UNSEEN_TERRAINS, unseen_terrains
 from sim_node.simulation import Simulation
-from snca_ros.assessment.trials import COLUMNS, Trial, run_trials, score, summary, table
+from snca_ros.assessment.running import groups_of, run_trials
+from snca_ros.assessment.trials import COLUMNS, Trial, score, summary, table
 from snca_ros.bundled import DEFAULT_CONTROLLER, find_controller
 from snca_ros.controller_file import load_controller
 from snca_ros.evolution.episode import run_episode
 from snca_ros.evolution.workers import IN_PROCESS, local_workers
+from snca_ros.faults import parse_faults
 
 
 @pytest.mark.parametrize('engine', ['pymunk', 'batched'])
@@ -36,6 +39,38 @@ def test_workers_do_not_matter():
         together, _ = run_trials(workers, trials)
     assert together.tolist() == alone.tolist()
     assert len(set(alone.tolist())) == 4
+
+
+FAULTS = [parse_faults(text) for text in ('', 'loss=0.6,seed=1', 'broken_actuators=zero:0.5@0.5')]
+
+
+def mixed_trials(engine='batched'):
+    """Return trials of two controllers, with faults and starts, on two grounds."""
+    return [
+        Trial(trained_worm(seed), terrain, engine, start, faults, duration=2.0, transient=0.5)
+        for terrain in ('flat', 'uphill-10') for seed in range(2)
+        for start, faults in enumerate(FAULTS)
+    ]
+
+
+def test_trials_side_by_side_are_trials_one_by_one():
+    trials = mixed_trials()
+    scores, times = run_trials(replace(IN_PROCESS, count=lambda: 3), trials)
+    alone = [score(trial) for trial in trials]
+    assert scores.tolist() == [one.score for one in alone]
+    assert len(set(scores.tolist())) == len(trials)
+    assert np.isnan(times).all()
+    assert times.shape == (len(trials), 2)
+
+
+def test_groups_are_of_trials_that_are_alike():
+    trials = mixed_trials()
+    assert groups_of(trials, 3) == [[0, 1, 2, 3], [4, 5], [6, 7, 8, 9], [10, 11]]
+    assert groups_of(trials, 1) == [[*range(6)], [*range(6, 12)]]
+    assert groups_of(mixed_trials('pymunk'), 1) == [[i] for i in range(12)]
+    longer = [replace(trials[1], duration=3.0), replace(trials[2], transient=0.1)]
+    other_cell = replace(trials[0], trained=trials[0].trained.in_arithmetic('float32'))
+    assert groups_of([trials[0], *longer, other_cell], 1) == [[0, 2], [1], [3]]
 
 
 def test_table_csv_and_figure_tell_the_same(worms, tmp_path, capsys):

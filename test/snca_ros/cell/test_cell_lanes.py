@@ -2,15 +2,19 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import parse_morphology
 from sim_node.numerics.lane_array import zeros
 from snca_ros.cell.architecture import ARCHITECTURES, Architecture
-from snca_ros.cell.cell_lanes import MAX_WIDTH, make_cells, step_group
+from snca_ros.cell.cell_lanes import MAX_WIDTH, make_cells, step_group, step_group_faulty
 from snca_ros.cell.layers import PAIR, padded
 from snca_ros.cell.models import NEURON_MODELS
 from snca_ros.controller import Controller
+from snca_ros.evolution.fault_lanes import CellFaultsInLanes
+from snca_ros.faults import Faults
 
 SHAPE = parse_morphology('111-101')
 N = SHAPE.n_voxels
@@ -121,6 +125,50 @@ def test_a_lost_robot_does_not_disturb_the_others():
     readings[50:, ..., 3] = np.nan
     disturbed = run_group(make_cells(architecture, SHAPE, thetas, 4), readings)
     np.testing.assert_array_equal(disturbed[..., :3], sound[..., :3])
+
+
+deaths = st.just('') | st.builds(
+    lambda who, begin, length: f'{who}@{begin / 60:.4f}-{(begin + length) / 60:.4f}',
+    st.sampled_from(['0.5', '1', 'voxel_0_0', 'voxel_1_1+voxel_2_0']),
+    st.integers(0, 40), st.integers(1, 30),
+)
+some_faults = st.builds(
+    Faults, loss=st.sampled_from([0.0, 0.3, 1.0]), delay=st.integers(0, 4), death=deaths,
+    seed=st.integers(0, 9),
+)
+
+
+@pytest.mark.parametrize(('name', 'model'), [
+    ('U-nD', 'snn-h'), ('nU-D', 'snn-h'), ('U-nD', 'mlp'), ('nU-D', 'mlp'),
+])
+@settings(max_examples=12)
+@given(faults=st.lists(some_faults, min_size=4, max_size=4))
+def test_cells_with_faults_of_their_own_are_cells_one_by_one(name, model, faults):
+    architecture, n_steps = Architecture.named(name, model), 70
+    rng = np.random.default_rng(3)
+    thetas = rng.uniform(-2.0, 2.0, (4, architecture.n_parameters(N)))
+    readings = draw_readings(rng, n_steps, 4)
+    cells = make_cells(architecture, SHAPE, thetas, 4)
+    of_all = CellFaultsInLanes(faults, architecture, SHAPE)
+    tables = {0: of_all.tables(0, 30), 30: of_all.tables(30, n_steps - 30)}
+    controllers = [
+        Controller(architecture, SHAPE, theta, own)
+        for theta, own in zip(thetas, faults, strict=True)
+    ]
+    sensed, actuation = zeros((N, 4), 4), zeros((N, 1), 4)
+    for k, now in enumerate(readings):
+        first = 30 if k >= 30 else 0
+        sensed['lane'][:] = now
+        step_group_faulty(cells, sensed, k, actuation, tables[first], k - first)
+        for lane, controller in enumerate(controllers):
+            alone = controller.step(now[..., lane])
+            np.testing.assert_array_equal(actuation['lane'][:, 0, lane], alone, f'{lane}, {k}')
+            sent = controller.cells.state.outbox.reshape(N, -1)
+            if architecture.spiking:
+                bits = cells.sent_trains >> lane & 1
+                np.testing.assert_array_equal(bits @ (1 << np.arange(16)), sent)
+            else:
+                np.testing.assert_array_equal(cells.sent_values['lane'][..., lane], sent)
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from snca_ros.evolution.episode import run_episode
 from snca_ros.evolution.evaluator import Evaluator, evaluate, group_width
 from snca_ros.evolution.evolve import evolve
 from snca_ros.evolution.workers import IN_PROCESS, local_workers
+from snca_ros.faults import parse_faults
 
 CONFIG = RunConfig(
     'worm-3x1', Architecture.named('U-D', 'mlp'), engine='batched',
@@ -224,6 +225,22 @@ def test_pushed_starts_are_those_of_the_simulation(engine):
         episodes = [run_episode(simulation, c, config.duration) for c in controllers]
         assert of_push == [episode.velocity(config.transient) for episode in episodes]
     assert found[0] == found[-1] != found[1] != found[2]
+
+
+@pytest.mark.parametrize('engine', ['batched', 'pymunk'])
+def test_faults_are_those_of_the_robot(engine):
+    config = replace(CONFIG, engine=engine)
+    faults = parse_faults('loss=0.5,sensor_noise=0.1,seed=2')
+    thetas = np.random.default_rng(0).uniform(-1.0, 1.0, (3, config.n_parameters))
+    conditions = replace(config.conditions(3), faults=faults)
+    found = [one.score for one in evaluate(IN_PROCESS, config, thetas, conditions)]
+    simulation = Simulation('worm-3x1', engine=engine, push=3, **faults.of_body)
+    for theta, v_x in zip(thetas, found, strict=True):
+        controller = Controller(config.architecture, simulation.morphology, theta, faults)
+        episode = run_episode(simulation, controller, config.duration)
+        assert v_x == episode.velocity(config.transient)
+    sound = evaluate(IN_PROCESS, config, thetas, config.conditions(3))
+    assert all(one.score != v_x for one, v_x in zip(sound, found, strict=True))
 
 
 @pytest.mark.parametrize(('n', 'width'), [(1, 4), (4, 4), (5, 8), (16, 16), (18, 16)])
