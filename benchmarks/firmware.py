@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.command import run_part
 from sim_node.control_time import CONTROL_RATE
 from snca_ros.bundled import bundled_controllers
-from snca_ros.controller_file import TrainedController, load_controller
+from snca_ros.controller_file import load_controller
 from snca_ros.firmware.boards import BOARDS, EMULATOR
 from snca_ros.firmware.device import DeviceCell
 from snca_ros.firmware.folder import cell_sources, write_firmware
@@ -26,6 +26,7 @@ from snca_ros.firmware.lines import Address
 from snca_ros.recording.energy import count_operations, per_metre, received
 from snca_ros.recording.episode import RecordedEpisode
 from snca_ros.recording.offline import record_episode
+from snca_ros.trained_controller import TrainedController
 
 CROSS = 'arm-none-eabi-'
 VARIANTS = {

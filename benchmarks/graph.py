@@ -29,10 +29,11 @@ from benchmarks.command import run_part
 from sim_node.control_time import CONTROL_RATE, step_of_stamp
 from sim_node.model.morphology import parse_morphology
 from snca_ros.cell.architecture import Architecture
-from snca_ros.controller_file import TrainedController, load_controller, save_controller
+from snca_ros.controller_file import load_controller, save_controller
 from snca_ros.graph.description import NodeProcess, WalkOptions, describe_graph
 from snca_ros.graph.environment import graph_environment
 from snca_ros.graph.processes import RunningGraph
+from snca_ros.trained_controller import TrainedController
 
 CASES = [  # shape, voxels per process
     ('worm', 1), ('biped', 1), ('comb', 1), ('worm-10x2', 1), ('worm-10x3', 1), ('worm-10x4', 1),

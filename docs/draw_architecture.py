@@ -57,8 +57,8 @@ ROOMS = {
     'evolution': Room(('snca_ros.evolution.*',), ('controller',)),
     'controller': Room(
         (
-            'snca_ros.controller', 'snca_ros.controller_file', 'snca_ros.versions',
-            'snca_ros.bundled',
+            'snca_ros.controller', 'snca_ros.trained_controller', 'snca_ros.controller_file',
+            'snca_ros.versions', 'snca_ros.bundled',
         ),
         ('cell', 'simulation', 'tasks', 'episodes'),
         'All cells of a robot, and the files that hold them.',

@@ -14,10 +14,11 @@ from support.stand_in_launch import defaults, describe, stand_ins
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import parse_morphology
 from snca_ros.cell.architecture import Architecture
-from snca_ros.controller_file import TrainedController, load_controller, save_controller
+from snca_ros.controller_file import load_controller, save_controller
 from snca_ros.faults import Faults
 from snca_ros.graph.child_process import PARENT
 from snca_ros.graph.description import WalkOptions, describe_graph
+from snca_ros.trained_controller import TrainedController
 
 
 @pytest.fixture

@@ -12,11 +12,12 @@ from sim_node.errors import InvalidInput
 from sim_node.model.morphology import Morphology
 from snca_ros.bundled import find_controller
 from snca_ros.cell.architecture import Architecture
-from snca_ros.controller_file import TrainedController, load_controller, save_controller
+from snca_ros.controller_file import load_controller, save_controller
 from snca_ros.evolution.episode import EPISODE, LONGEST
 from snca_ros.faults import Faults, parse_faults
 from snca_ros.recording.episode import RecordedEpisode, names_to_record
 from snca_ros.recording.offline import record_episode
+from snca_ros.trained_controller import TrainedController
 
 
 @dataclass(frozen=True, eq=False, repr=False)

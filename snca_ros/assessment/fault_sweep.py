@@ -8,9 +8,9 @@ import numpy as np
 
 from sim_node.errors import InvalidInput
 from snca_ros.assessment.trials import WALLS, Trial, all_trials, summary
-from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import EPISODE
 from snca_ros.faults import Faults, parse_faults
+from snca_ros.trained_controller import TrainedController
 
 COLUMNS = ('controller', 'faults', 'x', 'terrain', 'engine', 'start', *WALLS)
 """Columns of the CSV file, one row per episode; the last column is the score, named after the

@@ -8,9 +8,9 @@ import numpy as np
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import Morphology
 from snca_ros.assessment.trials import WALLS, Trial, all_trials, summary
-from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import EPISODE
 from snca_ros.faults import NO_FAULTS
+from snca_ros.trained_controller import TrainedController
 
 COLUMNS = ('controller', 'body', 'home', 'terrain', 'engine', 'start', *WALLS)
 """Columns of the CSV file, one row per episode; the last column is the score, named after the

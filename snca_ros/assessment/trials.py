@@ -17,11 +17,11 @@ from sim_node.model.terrain import MOST_TERRAIN_SEEDS
 from sim_node.numerics.jit import warm_up
 from sim_node.simulation import Simulation
 from snca_ros.cell.models.arithmetic import ARITHMETICS, DEFAULT_ARITHMETIC
-from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import EPISODE, LONGEST, TRANSIENT, Episode, run_episode
 from snca_ros.evolution.tasks import Scored, Task, check_task, score_of
 from snca_ros.faults import NO_FAULTS, Faults
 from snca_ros.files import write_text
+from snca_ros.trained_controller import TrainedController
 
 WALLS = ('wall_behind', 'wall_ahead')
 """Columns of times [s] at which the robot met the wall behind its start, and the wall at the end of

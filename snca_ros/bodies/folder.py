@@ -18,7 +18,7 @@ from sim_node.model.morphology import parse_morphology
 from snca_ros.assessment.trials import summary, write_csv
 from snca_ros.bodies.archive import BodySearch, ScoredBody
 from snca_ros.bodies.settings import SearchSettings
-from snca_ros.controller_file import TrainedController, load_controller, save_controller
+from snca_ros.controller_file import load_controller, save_controller
 from snca_ros.evolution.checkpoint import holds_controller
 from snca_ros.files import (
     LOCK,
@@ -28,6 +28,7 @@ from snca_ros.files import (
     remove_stale,
     write_text,
 )
+from snca_ros.trained_controller import TrainedController
 
 SETTINGS, CONTROLLER, BODIES, ARCHIVE = 'search.yaml', 'controller.npz', 'bodies.csv', 'archive.csv'
 ELITES = 'size-*-feet-*.npz'

@@ -12,8 +12,8 @@ from snca_ros.assessment.trials import Trial
 from snca_ros.bodies.archive import BodySearch, ScoredBody
 from snca_ros.bodies.folder import SearchFolder
 from snca_ros.bodies.settings import SearchSettings
-from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.workers import Workers
+from snca_ros.trained_controller import TrainedController
 
 
 def check_uniform(trained: TrainedController) -> None:

@@ -12,7 +12,7 @@ from sim_node.model.terrain import DEFAULT_TERRAIN_SET, TERRAIN_SETS, UNSEEN_KIN
 from sim_node.simulation import Diverged
 from snca_ros.assessment.trials import Trial, score, summary
 from snca_ros.campaign.columns import COLUMNS, check_comparable, settings_of
-from snca_ros.controller_file import TrainedController, load_controller, save_controller
+from snca_ros.controller_file import load_controller, save_controller
 from snca_ros.evolution.checkpoint import RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evaluator import evaluate, evaluate_set
@@ -21,6 +21,7 @@ from snca_ros.evolution.history import CURVE_COLUMNS
 from snca_ros.evolution.run_progress import Progress
 from snca_ros.evolution.workers import IN_PROCESS
 from snca_ros.recording.gait import dominant_frequency, steady_part, vibration_share
+from snca_ros.trained_controller import TrainedController
 from snca_ros.versions import package_versions
 
 STARTS = range(1, 21)

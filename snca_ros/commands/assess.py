@@ -36,10 +36,11 @@ from snca_ros.commands.body_options import WITHOUT_HELP
 from snca_ros.commands.declared_options import add_option
 from snca_ros.commands.json_output import add_json_option
 from snca_ros.commands.worker_options import add_worker_arguments, open_workers
-from snca_ros.controller_file import TrainedController, load_controller
+from snca_ros.controller_file import load_controller
 from snca_ros.evolution.tasks import Task
 from snca_ros.evolution.workers import Workers
 from snca_ros.files import check_writable
+from snca_ros.trained_controller import TrainedController
 
 EXAMPLES = """
   snca assess runs/tripod/best.npz                  # v_x on 16 terrains that it has not seen

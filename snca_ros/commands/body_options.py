@@ -5,7 +5,8 @@ import tempfile
 from contextlib import ExitStack
 from pathlib import Path
 
-from snca_ros.controller_file import TrainedController, load_controller, save_controller
+from snca_ros.controller_file import load_controller, save_controller
+from snca_ros.trained_controller import TrainedController
 
 WITHOUT_HELP = (
     'voxels to leave out of the body: voxel_1_1,voxel_2_1,...; the others keep their names'

@@ -8,7 +8,7 @@ from sim_node.errors import InvalidInput
 from snca_ros.bundled import find_controller
 from snca_ros.command_line import FormerlyWithValue
 from snca_ros.commands.json_output import add_json_option
-from snca_ros.controller_file import TrainedController, load_controller
+from snca_ros.controller_file import load_controller
 from snca_ros.files import FIGURE, PAGE, check_writable
 from snca_ros.recording.bag import Recording, read_bag
 from snca_ros.recording.body import in_body_of
@@ -16,6 +16,7 @@ from snca_ros.recording.energy import count_operations, energy_lines
 from snca_ros.recording.gait import Gait, measure_gait
 from snca_ros.recording.report import as_dict, report_lines
 from snca_ros.recording.task_score import score_walk
+from snca_ros.trained_controller import TrainedController
 
 EXAMPLES = """
   snca report bags/mine

@@ -26,7 +26,6 @@ from snca_ros.commands.body_options import add_body_options, load_in_body
 from snca_ros.commands.declared_options import add_option
 from snca_ros.commands.json_output import add_json_option
 from snca_ros.commands.report import print_report, print_task
-from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import run_episode
 from snca_ros.faults import FAULTS_HELP, Faults, parse_faults
 from snca_ros.files import BAGS
@@ -46,6 +45,7 @@ from snca_ros.recording.bag import read_bag
 from snca_ros.recording.gait import measure_gait
 from snca_ros.recording.offline import compare_with_twin
 from snca_ros.recording.report import as_dict
+from snca_ros.trained_controller import TrainedController
 from snca_ros.web.server import check_port
 
 EXAMPLES = """

@@ -16,7 +16,7 @@ import numpy as np
 
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import parse_morphology
-from snca_ros.controller_file import TrainedController, load_controller, save_controller
+from snca_ros.controller_file import load_controller, save_controller
 from snca_ros.evolution.checkpoint_arrays import HISTORY, check_arrays
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.episode_set import N_FURTHER
@@ -30,6 +30,7 @@ from snca_ros.files import (
     write_atomically,
     write_text,
 )
+from snca_ros.trained_controller import TrainedController
 from snca_ros.yaml_file import parse_yaml
 
 FILES = 'config.yaml', 'checkpoint.npz', 'history.csv', 'best.npz', 'robust.npz'

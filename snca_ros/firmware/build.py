@@ -6,10 +6,10 @@ from pathlib import Path
 
 from sim_node.errors import InvalidInput, check_name
 from sim_node.model.morphology import Morphology
-from snca_ros.controller_file import TrainedController
 from snca_ros.firmware.boards import BOARDS
 from snca_ros.firmware.folder import UNIFORM, write_firmware
 from snca_ros.firmware.lines import EXPECTED, parse_address
+from snca_ros.trained_controller import TrainedController
 
 EMULATED = 'emulated'
 """Prefix of the names of boards that a walk emulates."""

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from sim_node.errors import InvalidInput, check_name
 from snca_ros.controller import own_parameters
-from snca_ros.controller_file import TrainedController
 from snca_ros.files import reason_of
 from snca_ros.firmware.boards import BOARDS, DEFAULT_BOARD
 from snca_ros.firmware.constants import CellSource
+from snca_ros.trained_controller import TrainedController
 
 SOURCE = Path(__file__).parent / 'c'
 """The folder of the C that is the same for all controllers."""

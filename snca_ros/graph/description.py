@@ -16,7 +16,6 @@ from sim_node.model.constants import Checked, constant, same_as
 from sim_node.model.morphology import DIRECTIONS, Morphology
 from sim_node.model.terrain import parse_terrain
 from sim_node.ros.sim_interface import SIM_NODE, RunOptions
-from snca_ros.controller_file import TrainedController
 from snca_ros.faults import NO_FAULTS, CellFaults, Faults
 from snca_ros.files import check_new_bag, short_name
 from snca_ros.nodes.interfaces import (
@@ -25,6 +24,7 @@ from snca_ros.nodes.interfaces import (
     RecorderOptions,
     VoxelOptions,
 )
+from snca_ros.trained_controller import TrainedController
 from snca_ros.yaml_file import yaml_text
 
 _LONGEST_NAME = 80  # of a default namespace; ROS allows 247 characters for a whole topic

@@ -3,10 +3,10 @@
 import rclpy
 
 from sim_node.model.terrain import parse_terrain
-from snca_ros.controller_file import TrainedController
 from snca_ros.graph.description import NodeProcess
 from snca_ros.graph.processes import RunningGraph
 from snca_ros.nodes.live_view import PERIOD, ViewNode
+from snca_ros.trained_controller import TrainedController
 from snca_ros.web.page import live_page
 from snca_ros.web.server import PageServer
 

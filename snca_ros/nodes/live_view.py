@@ -17,10 +17,10 @@ from sim_node.ros.interface import DIAGNOSTICS
 from sim_node.ros.node_base import RosNode, take_all
 from sim_node.ros.sim_interface import ACTUATION, APPLIED, MARKERS, ODOMETRY, RELIABLE, SENSORS
 from snca_ros.cell.coding import pack_trains
-from snca_ros.controller_file import TrainedController
 from snca_ros.nodes.cell_messages import CellMessages, topic_name
 from snca_ros.nodes.interfaces import VIEW_NODE, VIEW_RATE
 from snca_ros.recording.gait import area_ratios, readings_of
+from snca_ros.trained_controller import TrainedController
 
 PERIOD = 1.0 / VIEW_RATE
 """Seconds of wall time between frames."""

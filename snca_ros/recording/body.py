@@ -5,10 +5,10 @@ from itertools import islice
 
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import Morphology, parse_morphology
-from snca_ros.controller_file import TrainedController
 from snca_ros.recording.recording import Recording
 from snca_ros.recording.storage import Topic
 from snca_ros.recording.streams import types
+from snca_ros.trained_controller import TrainedController
 
 _TRIED = 10  # messages whose child_frame_id is examined
 

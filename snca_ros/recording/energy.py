@@ -15,7 +15,7 @@ from snca_ros.cell.coding import NEVER, SNN_STEPS, encode
 from snca_ros.cell.layers import layers_of
 from snca_ros.cell.models.lif import Lif
 from snca_ros.cell.models.perceptron import Perceptron
-from snca_ros.controller_file import TrainedController
+from snca_ros.trained_controller import TrainedController
 
 ADD, MULTIPLY, INTEGER_ADD = 0.9, 3.7, 0.1
 """Energy of an addition and a multiplication in single precision, and of an addition of integers of

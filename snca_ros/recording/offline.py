@@ -9,7 +9,6 @@ from sim_node.control_time import steps_in
 from sim_node.errors import InvalidInput
 from sim_node.simulation import Diverged, Simulation
 from snca_ros.controller import Controller
-from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import run_episode
 from snca_ros.faults import NO_FAULTS, Faults
 from snca_ros.recording.body import in_body_of
@@ -17,6 +16,7 @@ from snca_ros.recording.episode import RECORDABLE, RecordedEpisode
 from snca_ros.recording.outcomes import Outcome
 from snca_ros.recording.poses import Poses
 from snca_ros.recording.recording import Recording
+from snca_ros.trained_controller import TrainedController
 
 
 def record_offline(

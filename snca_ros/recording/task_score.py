@@ -8,10 +8,10 @@ from sim_node.engine import ENGINES, check_engine
 from sim_node.errors import InvalidInput
 from sim_node.model.terrain import Terrain
 from sim_node.simulation import Simulation
-from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import TRANSIENT, Episode, run_step_by_step
 from snca_ros.evolution.tasks import check_task, score_of
 from snca_ros.recording.recording import Recording
+from snca_ros.trained_controller import TrainedController
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,11 @@ from sim_node.drawing import area_colors
 from sim_node.errors import InvalidInput
 from sim_node.model.terrain import Terrain
 from sim_node.walls import Walls
-from snca_ros.controller_file import TrainedController
 from snca_ros.recording.bag import Recording, read_bag
 from snca_ros.recording.gait import area_ratios, bridge_gaps
 from snca_ros.recording.offline import record_offline
 from snca_ros.recording.outcomes import Outcome
+from snca_ros.trained_controller import TrainedController
 
 LIMP = 0.35, 0.3, 0.35, 1.0
 """RGBA of a limp voxel, which no answer of its node moves."""

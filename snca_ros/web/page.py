@@ -11,9 +11,9 @@ import numpy as np
 
 from sim_node.control_time import CONTROL_RATE, MARKER_PERIOD
 from sim_node.model.terrain import Terrain
-from snca_ros.controller_file import TrainedController
 from snca_ros.recording.bag import Recording
 from snca_ros.recording.gait import measure_gait
+from snca_ros.trained_controller import TrainedController
 from snca_ros.web.frames import Frames, make_frames
 
 _STYLES = ('uplot/uPlot.min.css', 'page.css')

@@ -4,13 +4,14 @@ import math
 from pathlib import Path
 
 from snca_ros.bundled import find_controller
-from snca_ros.controller_file import TrainedController, load_controller
+from snca_ros.controller_file import load_controller
 from snca_ros.evolution.checkpoint_arrays import HISTORY
 from snca_ros.evolution.history import History, read_history
 from snca_ros.faults import parse_faults
 from snca_ros.recording.bag import Recording
 from snca_ros.recording.body import in_body_of
 from snca_ros.recording.offline import record_offline, replayed_thresholds
+from snca_ros.trained_controller import TrainedController
 from snca_ros.web.page import walk_page
 
 

@@ -17,7 +17,8 @@ from sim_node.ros.declared_parameters import check_unknown_parameters
 from sim_node.ros.node_base import RosNode
 from sim_node.ros.parameters import simulation_of
 from snca_ros.cell.architecture import Architecture
-from snca_ros.controller_file import TrainedController, save_controller
+from snca_ros.controller_file import save_controller
+from snca_ros.trained_controller import TrainedController
 
 VALUES = (
     st.booleans() | st.integers(-(2**63), 2**63 - 1) | st.floats() | st.text(max_size=30)

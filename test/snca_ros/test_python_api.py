@@ -25,7 +25,7 @@ from snca_ros import cli
 from snca_ros.api.processes import worker_processes
 from snca_ros.cell.architecture import Architecture
 from snca_ros.commands.evolve import add_arguments
-from snca_ros.controller_file import TrainedController, load_controller
+from snca_ros.controller_file import load_controller
 from snca_ros.evolution.checkpoint import RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.episode import Episode, run_episode
@@ -33,6 +33,7 @@ from snca_ros.evolution.evolve import evolve
 from snca_ros.evolution.workers import IN_PROCESS
 from snca_ros.faults import parse_faults
 from snca_ros.recording.episode import RECORDABLE
+from snca_ros.trained_controller import TrainedController
 
 ENVIRONMENT = {**os.environ, 'PYTHONPATH': str(ROOT)}
 FAULTS = 'loss=0.3,delay=1,death=0.5@0.5,broken_sensors=random:0.3,broken_actuators=frozen:0.3'

@@ -5,7 +5,7 @@ import numpy as np
 from sim_node.simulation import Simulation
 from snca_ros import cli
 from snca_ros.cell.architecture import Architecture
-from snca_ros.controller_file import TrainedController
+from snca_ros.trained_controller import TrainedController
 
 
 def trained_worm(seed=0):

@@ -10,7 +10,8 @@ from support.paths import ROOT
 from sim_node.model.morphology import parse_morphology
 from snca_ros import cli
 from snca_ros.cell.architecture import Architecture
-from snca_ros.controller_file import TrainedController, save_controller
+from snca_ros.controller_file import save_controller
+from snca_ros.trained_controller import TrainedController
 
 WORM = 'worm-U-D-mlp'
 """A bundled controller, evolved in five voxels in a row."""

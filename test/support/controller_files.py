@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from sim_node.errors import InvalidInput
 from sim_node.model.morphology import parse_morphology
 from snca_ros.cell.architecture import Architecture
-from snca_ros.controller_file import TrainedController, load_controller
+from snca_ros.controller_file import load_controller
+from snca_ros.trained_controller import TrainedController
 
 quick = settings(max_examples=100)
 json_values = st.recursive(

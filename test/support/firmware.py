@@ -18,11 +18,11 @@ from support.limits import LIMIT
 from sim_node.model.morphology import OPPOSITE, parse_morphology
 from snca_ros.cell.architecture import Architecture
 from snca_ros.cell.cells import Cells
-from snca_ros.controller_file import TrainedController
 from snca_ros.firmware.boards import BOARDS, EMULATOR
 from snca_ros.firmware.folder import cell_sources, write_firmware
 from snca_ros.firmware.protocol import HELLO, CellCodec, FrameReader, StepAnswer
 from snca_ros.recording.offline import record_episode
+from snca_ros.trained_controller import TrainedController
 
 CROSS = 'arm-none-eabi-gcc'
 EMULATED = tuple(name for name, board in BOARDS.items() if board.machine)

@@ -19,10 +19,11 @@ from snca_ros.cell.cell_lanes import make_cells, step_group
 from snca_ros.cell.cells import Cells
 from snca_ros.cell.models import NEURON_MODELS
 from snca_ros.controller import Controller
-from snca_ros.controller_file import TrainedController, load_controller, save_controller
+from snca_ros.controller_file import load_controller, save_controller
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.evaluator import evaluate
 from snca_ros.evolution.workers import IN_PROCESS
+from snca_ros.trained_controller import TrainedController
 
 PLUGINS = {name: NEURON_MODELS.pop(name) for name in ('pacemaker', 'integrator')}
 MODELS = pytest.mark.parametrize('name', PLUGINS)

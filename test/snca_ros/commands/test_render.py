@@ -20,11 +20,12 @@ from sim_node.simulation import Simulation
 from snca_ros.cell.architecture import Architecture
 from snca_ros.cli import main
 from snca_ros.command_line import BAD_INPUT
-from snca_ros.controller_file import TrainedController, save_controller
+from snca_ros.controller_file import save_controller
 from snca_ros.recording.offline import record_offline
 from snca_ros.recording.storage import read_storage
 from snca_ros.rendering.film import film_bag, film_offline
 from snca_ros.rendering.scene import follow
+from snca_ros.trained_controller import TrainedController
 
 VIEW = View(left=10.0, bottom=0.0, scale=20.0, width=400, height=300)
 

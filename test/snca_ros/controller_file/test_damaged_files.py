@@ -21,7 +21,8 @@ from sim_node.errors import InvalidInput
 from sim_node.model.body_file import MOST_PARAMETERS
 from sim_node.model.morphology import parse_morphology
 from snca_ros.cell.architecture import Architecture
-from snca_ros.controller_file import TrainedController, load_controller, save_controller
+from snca_ros.controller_file import load_controller, save_controller
+from snca_ros.trained_controller import TrainedController
 
 
 def test_truncated_anywhere(path):

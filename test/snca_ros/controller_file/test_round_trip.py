@@ -21,8 +21,9 @@ from sim_node.model.material import Material
 from sim_node.model.morphology import parse_morphology
 from sim_node.model.solver import Solver
 from snca_ros.cell.architecture import Architecture
-from snca_ros.controller_file import TrainedController, load_controller, save_controller
+from snca_ros.controller_file import load_controller, save_controller
 from snca_ros.evolution.episode_set import EpisodeSet
+from snca_ros.trained_controller import TrainedController
 from snca_ros.versions import code_version
 
 NINE = [(name, model) for name in ('U-nD', 'U-D', 'nU-D') for model in ('mlp', 'snn', 'snn-h')]

@@ -29,7 +29,7 @@ from snca_ros.campaign.endpoints import perform
 from snca_ros.campaign.specification import read_campaign
 from snca_ros.cell.architecture import Architecture
 from snca_ros.controller import Controller
-from snca_ros.controller_file import TrainedController, load_controller, save_controller
+from snca_ros.controller_file import load_controller, save_controller
 from snca_ros.evolution.checkpoint import RunFolder
 from snca_ros.evolution.config import RunConfig
 from snca_ros.evolution.episode import run_compiled, run_episode, run_step_by_step
@@ -40,6 +40,7 @@ from snca_ros.evolution.history import read_history
 from snca_ros.evolution.tasks import RECORDS, TASKS, Episode, Task, check_task, score_of
 from snca_ros.evolution.workers import IN_PROCESS, local_workers
 from snca_ros.faults import parse_faults
+from snca_ros.trained_controller import TrainedController
 
 
 class Leap(Task):

@@ -13,8 +13,8 @@ from sim_node.model.morphology import parse_morphology
 from sim_node.model.physics import PHYSICS
 from sim_node.model.solver import Solver
 from snca_ros.cell.architecture import Architecture
-from snca_ros.controller_file import TrainedController
 from snca_ros.graph.description import WalkOptions, choose_voxels, describe_graph
+from snca_ros.trained_controller import TrainedController
 
 BIPED = parse_morphology('biped')
 

@@ -11,11 +11,11 @@ from sim_node.model.physics import PHYSICS
 from sim_node.model.solver import Solver
 from sim_node.simulation import Simulation
 from snca_ros.cell.architecture import Architecture
-from snca_ros.controller_file import TrainedController
 from snca_ros.evolution.episode import run_episode
 from snca_ros.faults import parse_faults
 from snca_ros.recording.bag import read_bag
 from snca_ros.recording.offline import record_offline, replayed_thresholds
+from snca_ros.trained_controller import TrainedController
 
 GROUND = np.array([[0.0, 5.0], [7.0, 6.0], [20.0, 5.0]])
 

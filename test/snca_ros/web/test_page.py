@@ -15,9 +15,10 @@ from sim_node.model.solver import Solver
 from snca_ros.cell.architecture import Architecture
 from snca_ros.cli import main
 from snca_ros.command_line import BAD_INPUT
-from snca_ros.controller_file import TrainedController, save_controller
+from snca_ros.controller_file import save_controller
 from snca_ros.recording.offline import record_offline
 from snca_ros.recording.outcomes import Outcome
+from snca_ros.trained_controller import TrainedController
 from snca_ros.web.page import walk_page
 
 DURATION = 3.0

@@ -16,7 +16,7 @@ from sim_node.errors import InvalidInput
 from sim_node.model.morphology import parse_morphology
 from sim_node.model.terrain import parse_terrain
 from snca_ros.cell.architecture import Architecture
-from snca_ros.controller_file import TrainedController
+from snca_ros.trained_controller import TrainedController
 from snca_ros.web.page import live_page
 from snca_ros.web.server import PageServer, check_port
 
