@@ -148,7 +148,7 @@ def test_units():
 
 
 CONFIG = RunConfig(
-    '11-10', Architecture.named('U-nD', 'mlp'), evaluations=4, population=4, duration=1.0,
+    '11-10', Architecture.named('U-nD', 'mlp'), episodes=4, population=4, duration=1.0,
     transient=0.2,
 )
 
