@@ -173,7 +173,7 @@ def test_a_run_is_on_the_terrain_of_its_task_unless_another_one_is_given(tmp_pat
     assert RunConfig.named(task='jump').terrain == RunConfig.named().terrain == 'flat'
     with pytest.raises(InvalidInput, match=r"task: got 'climp', .*did you mean 'climb'\?"):
         RunConfig.named(task='climp')
-    small = {'evaluations': 4, 'population': 4, 'duration': 1.0, 'transient': 0.2}
+    small = {'episodes': 4, 'population': 4, 'duration': 1.0, 'transient': 0.2}
     run = snca.evolve('11-10', 'U-D', 'mlp', task='climb', run=tmp_path / 'run', **small)
     assert run.best.terrain == run.config.terrain == 'stairs-0.1-10'
     assert repr(run.best).endswith(' m)')
@@ -184,7 +184,7 @@ def test_a_run_is_on_the_terrain_of_its_task_unless_another_one_is_given(tmp_pat
 def test_commands_say_terrain_quantity_and_unit(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     arguments = ['--shape', '11-10', '--architecture', 'U-D', '--neuron-model', 'mlp',
-                 '--evaluations', '4', '--population', '4', '--duration', '1', '--transient',
+                 '--episodes', '4', '--population', '4', '--duration', '1', '--transient',
                  '0.2', '--workers', '1', '--run', 'run', '--task', 'climb']
     assert cli.main(['evolve', *arguments]) == 0
     told = capsys.readouterr()
