@@ -9,7 +9,9 @@ pytest.register_assert_rewrite('support')
 
 from support.skips import unexcused  # noqa: E402
 
-settings.register_profile('steady', deadline=None, derandomize=True, database=None)
+settings.register_profile(
+    'steady', deadline=None, derandomize=True, database=None, max_examples=50
+)
 settings.load_profile('steady')  # the same examples every time, and no deadline
 
 # Shells start background jobs with SIGINT ignored, and what tests start would inherit that.
