@@ -21,11 +21,11 @@ from sim_node.ros.sim_interface import BEST_EFFORT
 
 WORLD_FRAME = 'world'
 
-QUEUE = 10_000
-"""Depth of the subscription queues of voxels and simulation, which use memory as they fill.
+QUEUE = 256
+"""Depth of the subscription queues of voxels and simulation.
 
-Lock-step needs two. The rest absorbs a publisher that floods a topic: with a shorter queue, a node
-that a busy machine did not run for the length of the queue lost messages that it needed.
+Lock-step needs two. The rest absorbs a publisher that floods a topic, for a quarter of a second at
+1 kHz.
 """
 
 HISTORY = 1000
