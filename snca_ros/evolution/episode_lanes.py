@@ -171,7 +171,7 @@ class SideBySide:
 
     def __init__(self, config: RunConfig) -> None:
         self._config, self._records = config, check_task(config.task).records
-        self._robots = functools.lru_cache(maxsize=8)(self._make_robots)
+        self._robots = functools.lru_cache(maxsize=64)(self._make_robots)
 
     def __call__(
         self, candidates: np.ndarray, width: int, duration: float, conditions: Conditions

@@ -106,8 +106,7 @@ class Evaluator:
 def _kind(conditions: Conditions) -> str:
     """Return a name of the code that episodes compile besides that of episodes without faults."""
     faults = conditions.faults
-    of_body = any(value for name, value in faults.of_body.items() if name != 'seed')
-    return '-faulty' * faults.affect_cells + '-body' * of_body
+    return '-faulty' * faults.affect_cells + '-body' * faults.affect_body
 
 
 def group_width(lanes: Sequence[int], n: int) -> int:
