@@ -116,7 +116,7 @@ def test_evolution_is_quiet_where_there_is_no_terminal(capsys):
     line(progress(*rows[:2]))
     assert capsys.readouterr().err == ''  # nothing within a minute
     line(progress(*rows))
-    told = capsys.readouterr().err
-    assert told.startswith('30/30 episodes  ')
-    assert told.endswith('best 2.00  median 0.30 (0.00…2.00) m/s\n')
-    assert '\x1b' not in told
+    output = capsys.readouterr().err
+    assert output.startswith('30/30 episodes  ')
+    assert output.endswith('best 2.00  median 0.30 (0.00…2.00) m/s\n')
+    assert '\x1b' not in output

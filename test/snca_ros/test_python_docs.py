@@ -54,17 +54,17 @@ def test_every_line_of_the_page_runs(tmp_path, monkeypatch, capsys, own_tasks):
     )
     (tmp_path / 'bags').mkdir()
     write_messages(tmp_path / 'bags' / 'mine', messages_of_walk(walk))
-    names, told = {'__name__': 'page'}, 0
+    names, n_checked = {'__name__': 'page'}, 0
     monkeypatch.setattr(SENSORS, '_entries', dict(SENSORS._entries))
     for block in blocks():
         exec(compile(block, 'docs/python.md', 'exec'), names)
         for line in block.splitlines():
             if match := EXPECTED.fullmatch(line):
                 assert str(eval(match[1], names)) == match[2], line
-                told += 1
+                n_checked += 1
             else:
                 assert '->' not in line
-    assert told > 10
+    assert n_checked > 10
     assert (tmp_path / 'tripod.npz').exists()
     assert len(set(names['bobber'].history['median'])) == 3  # 3 generations, and scores differ
     assert capsys.readouterr().out.count('EvolutionRun(') == 3  # one per generation
@@ -72,13 +72,13 @@ def test_every_line_of_the_page_runs(tmp_path, monkeypatch, capsys, own_tasks):
 
 def test_every_line_about_bodies_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    names, told = {}, 0
+    names, n_checked = {}, 0
     for block in blocks('bodies.md', [('starts=2', 'starts=2, duration=5.1')]):
         exec(compile(block, 'docs/bodies.md', 'exec'), names)
         for match in filter(None, map(EXPECTED.fullmatch, block.splitlines())):
             assert str(eval(match[1], names)) == match[2]
-            told += 1
-    assert told == 2
+            n_checked += 1
+    assert n_checked == 2
     assert snca.load('damaged.npz').trained.home.name == 'biped'
 
 

@@ -69,8 +69,8 @@ def test_results_of_the_first_physics_are_those_of_campaigns_that_name_it():
         rows = {row['run']: row for row in read_rows(results / folder / 'results.csv')}
         assert len(runs.keys() & rows.keys()) == n
         for run in runs.keys() & rows.keys():
-            told = settings_of(runs[run])
-            assert {key: rows[run][key] for key in told} == told
+            described = settings_of(runs[run])
+            assert {key: rows[run][key] for key in described} == described
     for name in ('main', 'supplement'):
         old, new = (read_campaign(EXPERIMENTS / of / f'paper-{name}.yaml')
                     for of in ('first-physics', '.'))
@@ -110,8 +110,8 @@ def test_a_text_of_several_is_one_run_and_a_list_is_several(tmp_path):
         **GOOD, 'shape': ['worm, comb', 'worm'], 'terrain': 'flat,uphill-10', 'starts': 2,
         'faults': ['none', 'none; loss=0.3'], 'score': 'minimum', 'evaluations': 500,
     })
-    told = {(run.shape, run.faults, run.episode_set.n_episodes, run.episodes) for run in runs}
-    assert told == {
+    described = {(run.shape, run.faults, run.episode_set.n_episodes, run.episodes) for run in runs}
+    assert described == {
         ('worm,comb', '', 8, 500), ('worm,comb', 'none;loss=0.3', 16, 500),
         ('worm', '', 4, 500), ('worm', 'none;loss=0.3', 8, 500),
     }
@@ -141,11 +141,11 @@ def test_cases_are_products_of_their_lists_and_the_shared_ones(tmp_path):
             {'architecture': 'U-D', 'seed': 0},  # again
         ],
     })
-    told = [(run.shape, run.architecture.name, run.architecture.as_printed, run.seed)
+    described = [(run.shape, run.architecture.name, run.architecture.as_printed, run.seed)
             for run in runs]
-    assert len(told) == len(set(told)) == 2 * 2 * 2 + 2
-    assert ('worm', 'U-D', True, 2) in told
-    assert ('comb', 'nU-D', False, 1) in told
+    assert len(described) == len(set(described)) == 2 * 2 * 2 + 2
+    assert ('worm', 'U-D', True, 2) in described
+    assert ('comb', 'nU-D', False, 1) in described
     assert {run.episodes for run in runs} == {50}
 
 

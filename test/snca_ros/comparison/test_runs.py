@@ -1,4 +1,4 @@
-"""Tables of results joined, types told apart, and what is missing or may mislead."""
+"""Tables of results joined, types distinguished, and what is missing or may mislead."""
 
 import numpy as np
 import pytest
@@ -124,7 +124,7 @@ def test_missing_runs_are_named(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ('settings', 'told'),
+    ('settings', 'named'),
     [
         (({'terrain': 'hilly-10-1-0'}, {'terrain': 'hilly-1-10-0'}),
          ['hilly-1-10-0', 'hilly-10-1-0']),
@@ -136,13 +136,13 @@ def test_missing_runs_are_named(tmp_path):
         (({}, {}), ['']),
     ],
 )
-def test_settings_are_told_whole(tmp_path, settings, told):
+def test_settings_are_whole(tmp_path, settings, named):
     rows = [made_up_row(seed=s, settings=of_run) for s, of_run in enumerate(settings)]
-    assert sorted(c.settings for c in cases_of(tmp_path, *rows)['biped']) == told
+    assert sorted(c.settings for c in cases_of(tmp_path, *rows)['biped']) == named
 
 
 @pytest.mark.parametrize(
-    ('columns', 'told'),
+    ('columns', 'named'),
     [
         ({'terrain_set': 'seed-0'}, ['unseen-seed-0', 'unseen-seeds-1-12']),
         ({'n_c': '2', 'hidden': '12'}, ['', 'n_c2']),
@@ -155,9 +155,9 @@ def test_settings_are_told_whole(tmp_path, settings, told):
         ({'code_version': '0.1.0', 'numpy_version': '3'}, ['']),
     ],
 )
-def test_columns_that_no_name_has_set_types_apart_too(tmp_path, columns, told):
+def test_columns_that_no_name_has_set_types_apart_too(tmp_path, columns, named):
     rows = [made_up_row(seed=0), {**made_up_row(seed=1), **columns}]
-    assert sorted(c.settings for c in cases_of(tmp_path, *rows)['biped']) == told
+    assert sorted(c.settings for c in cases_of(tmp_path, *rows)['biped']) == named
 
 
 def test_nothing_is_read_out_of_a_runs_name(tmp_path):

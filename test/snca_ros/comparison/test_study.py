@@ -25,8 +25,8 @@ def test_page_is_whole_and_self_contained(drawn):
     assert {name for name in re.findall(r'(?:href="|url\()#([^")]+)', page)} <= set(ids)
     captions = [''.join(c.itertext()) for c in tree.iter('figcaption')]
     assert len(captions) == 15
-    told = '4 seeds × 30,000 episodes of U-nD SNN-H, U-D MLP, nU-D MLP'
-    assert all(caption.endswith(told) for caption in captions)
+    ending = '4 seeds × 30,000 episodes of U-nD SNN-H, U-D MLP, nU-D MLP'
+    assert all(caption.endswith(ending) for caption in captions)
     assert [len(list(table.iter('tr'))) for table in tree.iter('table')] == [
         1 + 9, 1 + 9, 1 + 9, 1 + 1, 1 + 36,
     ]

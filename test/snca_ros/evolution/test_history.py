@@ -1,4 +1,4 @@
-"""Histories of runs: told, drawn, watched while they grow; damage is named."""
+"""Histories of runs: described, drawn, watched while they grow; damage is named."""
 
 import contextlib
 import io
@@ -52,10 +52,10 @@ def test_a_run_folder_and_its_file_are_told(tmp_path, capsys):
     best = history.rows[-1, -1]
     assert best == history.rows[:, 2].max()
     assert main(['history', str(tmp_path / 'run'), str(tmp_path / 'run' / 'history.csv')]) == 0
-    told = capsys.readouterr().out
-    assert f'run: 7 of 10 episodes, best {best:.3f} m/s' in told
-    assert f'history.csv: 7 episodes, best {best:.3f} m/s' in told
-    assert 'generation 1: ' in told
+    output = capsys.readouterr().out
+    assert f'run: 7 of 10 episodes, best {best:.3f} m/s' in output
+    assert f'history.csv: 7 episodes, best {best:.3f} m/s' in output
+    assert 'generation 1: ' in output
 
 
 def test_a_run_without_a_generation(tmp_path, capsys):
@@ -78,9 +78,9 @@ def test_watching_draws_every_generation_until_the_end(tmp_path, monkeypatch, ca
     assert main(['history', str(run), '--watch', '--figure', str(figure)]) == 0
     assert len(drawn) == 3  # of 4, 3 and 3 episodes
     assert len({*drawn, figure.read_bytes()}) == 4
-    told = capsys.readouterr().out
-    assert told.startswith(f'{run}: 10 of 10 episodes')  # no terminal: the end alone
-    assert '\x1b' not in told
+    output = capsys.readouterr().out
+    assert output.startswith(f'{run}: 10 of 10 episodes')  # no terminal: the end alone
+    assert '\x1b' not in output
 
 
 def test_watching_on_a_terminal_draws_over_what_it_drew(tmp_path, monkeypatch):

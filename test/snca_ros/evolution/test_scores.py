@@ -187,10 +187,10 @@ def test_commands_say_terrain_quantity_and_unit(tmp_path, capsys, monkeypatch):
                  '--episodes', '4', '--population', '4', '--duration', '1', '--transient',
                  '0.2', '--workers', '1', '--run', 'run', '--task', 'climb']
     assert cli.main(['evolve', *arguments]) == 0
-    told = capsys.readouterr()
-    assert '11-10 on stairs-0.1-10' in told.err
-    assert 'best.npz: distance ' in told.out
-    assert ' m in pymunk' in told.out
+    output = capsys.readouterr()
+    assert '11-10 on stairs-0.1-10' in output.err
+    assert 'best.npz: distance ' in output.out
+    assert ' m in pymunk' in output.out
     faulty = ['--faults', 'death=0..1..1@1', '--starts', '0', '--duration', '5.1', '--workers', '1']
     assert cli.main(['assess', 'run', *faulty, '--csv', 'scores.csv']) == 0
     header, row, _ = (tmp_path / 'scores.csv').read_text().splitlines()

@@ -1,4 +1,4 @@
-"""What moved the body is told by the simulation, or follows from the order of messages."""
+"""What moved the body is published by the simulation, or follows from the order of messages."""
 
 import tempfile
 from dataclasses import replace
@@ -145,12 +145,12 @@ def test_the_order_of_messages_tells_what_the_simulation_says(delays):
     streams[APPLIED] = a_stream(
         range(n), range(n), np.stack([applied, ages], axis=1)[:, None], ('voxel_0_0',)
     )
-    told = find_outcomes(streams, ('voxel_0_0',), n + 1, False, limit / 0.25)
-    np.testing.assert_array_equal(told.applied[:-1, 0], applied)
+    inferred = find_outcomes(streams, ('voxel_0_0',), n + 1, False, limit / 0.25)
+    np.testing.assert_array_equal(inferred.applied[:-1, 0], applied)
     # A voxel that has never answered counts as silent from its start, and as limp here.
-    np.testing.assert_array_equal(found.outcomes, told.outcomes)
-    np.testing.assert_array_equal(found.applied, told.applied)
-    np.testing.assert_array_equal(found.late['actuation'], told.late['actuation'])
+    np.testing.assert_array_equal(found.outcomes, inferred.outcomes)
+    np.testing.assert_array_equal(found.applied, inferred.applied)
+    np.testing.assert_array_equal(found.late['actuation'], inferred.late['actuation'])
 
 
 LOSSY = {'missed deadlines': 0, 'best-effort links': 2}

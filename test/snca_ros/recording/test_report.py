@@ -88,9 +88,9 @@ def test_deliveries_and_step_times(tmp_path, capsys):
     assert ['spikes', '29', '0', '0'] in words
     assert 'voxel_0_0/actuation at sim_node: 3 late, 7 lost' in out
     assert 'voxel_1_0/spikes at' not in out
-    told = json.loads((tmp_path / 'r.json').read_text())['nodes']['sim_node']
-    assert told['links'] == {'voxel_0_0/actuation': {'on time': 20, 'late': 3, 'lost': 7}}
-    assert told['figures']['missed deadlines'] == 2
+    written = json.loads((tmp_path / 'r.json').read_text())['nodes']['sim_node']
+    assert written['links'] == {'voxel_0_0/actuation': {'on time': 20, 'late': 3, 'lost': 7}}
+    assert written['figures']['missed deadlines'] == 2
 
 
 def test_a_death_is_reported(tmp_path, capsys):
@@ -104,11 +104,11 @@ def test_a_death_is_reported(tmp_path, capsys):
         assert f'late on /biped/voxel_1_0/{kind}: 10 (steps 10, 11, 12, 13, 14, ...)' in out
         assert f'never sent on /biped/voxel_1_0/{kind}: 5 (steps 5, 6, 7, 8, 9)' in out
     assert [line[-2:] for line in words if line[:1] == ['voxel_1_0']] == [['2', '13']]
-    told = json.loads((tmp_path / 'r.json').read_text())
-    assert told['voxels']['voxel_1_0']['steps'] == {
+    written = json.loads((tmp_path / 'r.json').read_text())
+    assert written['voxels']['voxel_1_0']['steps'] == {
         'in time': 15, 'held': 2, 'limp': 13, 'unknown': 0
     }
-    counts = told['topics']['/biped/voxel_1_0/spikes']
+    counts = written['topics']['/biped/voxel_1_0/spikes']
     assert (counts['in_time'], counts['late'], counts['never_sent']) == (15, 10, 5)
     figure = draw_recording(read_bag(bag))
     assert any('limp' in axes.get_title(loc='left') for axes in figure.axes)
@@ -118,16 +118,16 @@ def test_json_and_figure_are_written_to_given_paths(bag, tmp_path):
     figure, numbers = tmp_path / 'walk.svg', tmp_path / 'walk.json'
     assert main(['report', str(bag), '--figure', str(figure), '--json', str(numbers)]) == 0
     assert b'<svg' in figure.read_bytes()
-    told = json.loads(numbers.read_text())
+    written = json.loads(numbers.read_text())
     gait = measure_gait(read_bag(bag))
-    assert told['v_x'] == gait.velocity
-    assert told['physics'] == 'reference'
-    assert told['voxels']['voxel_1_0']['frequency'] == gait.frequencies[1]
-    assert told['topics']['/biped/voxel_1_0/spikes'] == {
+    assert written['v_x'] == gait.velocity
+    assert written['physics'] == 'reference'
+    assert written['voxels']['voxel_1_0']['frequency'] == gait.frequencies[1]
+    assert written['topics']['/biped/voxel_1_0/spikes'] == {
         'sent': 30, 'received': 28, 'in_time': 28, 'late': 0, 'lost': 2, 'never_sent': 0,
         'refused': 0, 'lost_by_kill': 0, 'not_recorded': 0, 'published_twice': 0,
     }
-    assert told['topics']['/biped/markers'] == {
+    assert written['topics']['/biped/markers'] == {
         'sent': None, 'received': 16, 'in_time': None, 'late': None, 'lost': None,
         'never_sent': None, 'refused': 0, 'lost_by_kill': None, 'not_recorded': None,
         'published_twice': None,
